@@ -19,11 +19,22 @@ pub(super) enum Received {
     NotJson(String),
 }
 
+/// Passes all messages of the input to `take`, then its end or the error. Ends earlier if `take` returns false.
+pub(super) fn read_all(input: &mut dyn BufRead, mut take: impl FnMut(io::Result<Option<Received>>) -> bool) {
+    loop {
+        let received = read(input);
+        let is_last = !matches!(received, Ok(Some(_)));
+        if !take(received) || is_last {
+            return;
+        }
+    }
+}
+
 /// Reads the next message. Returns `None` at the end of the input.
 ///
 /// # Errors
 /// A header is wrong, the message is too long, or the input cannot be read.
-pub(super) fn read(input: &mut dyn BufRead) -> io::Result<Option<Received>> {
+fn read(input: &mut dyn BufRead) -> io::Result<Option<Received>> {
     let mut length = None;
     for count in 0.. {
         if count >= MOST_HEADERS {

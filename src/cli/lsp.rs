@@ -28,8 +28,8 @@ use crate::script::with_stack;
 use lsp_server::{ErrorCode, Message};
 use serde_json::json;
 use server::{Next, Server};
-use std::io::{self, BufRead};
-use std::sync::mpsc::{self, Sender};
+use std::io;
+use std::sync::mpsc;
 
 /// Serve an editor: check, complete and explain scenarios and the files of plants and devices while they are edited.
 ///
@@ -52,14 +52,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     with_stack(serve).map_err(|reason| CliError::Process { reason })?
 }
 
-/// A message for the server, or the end of the input.
-type Input = io::Result<Option<Received>>;
-
 fn serve() -> Result<(), CliError> {
     allow_many_folders();
     let (inputs, received) = mpsc::channel();
     std::thread::Builder::new()
-        .spawn(move || read_all(&mut io::stdin().lock(), &inputs))
+        .spawn(move || editor_messages::read_all(&mut io::stdin().lock(), |input| inputs.send(input).is_ok()))
         .map_err(|reason| CliError::Process { reason })?;
     let mut server = Server::new();
     let mut waiting = None;
@@ -95,17 +92,6 @@ fn serve() -> Result<(), CliError> {
         }
     }
     Ok(())
-}
-
-/// Sends all messages of the input, then its end.
-fn read_all(input: &mut dyn BufRead, inputs: &Sender<Input>) {
-    loop {
-        let received = editor_messages::read(input);
-        let is_last = !matches!(received, Ok(Some(_)));
-        if inputs.send(received).is_err() || is_last {
-            return;
-        }
-    }
 }
 
 /// Answers a message whose request is not known.

@@ -85,7 +85,6 @@ pub(super) struct Card {
     /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
     pulses: CardPulses,
     /// The CAN port, if the device has one.
-    #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts use the port"))]
     link: Option<BusLink>,
     /// Declared kinds of which a fault acts, bit n for kind n.
     faults: u16,
@@ -323,6 +322,16 @@ impl Card {
     /// Returns the pulses for the controller since the last call.
     pub(super) fn take_pulses(&mut self) -> CardPulses {
         mem::take(&mut self.pulses)
+    }
+
+    /// Returns the part that the CAN port shares with the firmware, if the device has a port.
+    pub(super) fn link(&self) -> Option<&BusLink> {
+        self.link.as_ref()
+    }
+
+    /// Does the same as [`Card::link`], for a change.
+    pub(super) fn link_mut(&mut self) -> Option<&mut BusLink> {
+        self.link.as_mut()
     }
 
     /// Removes and returns the first event of the port that was not handled.

@@ -157,7 +157,7 @@ impl DeviceConfig for FolderConfig {
             parts.push(script.firmware(self.layout()));
         }
         parts.push(Box::new(Handshakes::new(&self.folder.rows)));
-        let plugs = self.port().zip(link.clone()).map(|(port, link)| {
+        let plugs = self.port().zip(link).map(|(port, link)| {
             let origin = Origin { plc: index, node: port.number };
             let firmware = Box::new(FolderPort::new(link, script.is_some()));
             let socket =
@@ -167,7 +167,7 @@ impl DeviceConfig for FolderConfig {
         });
         let plugs = Vec::from_iter(plugs);
         let faults = OwnFaults::new(self.folder.fault_kinds);
-        let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()), link);
+        let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()));
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), plugs))
     }

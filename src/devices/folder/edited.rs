@@ -5,21 +5,15 @@
 
 use super::script::Script;
 use super::{
-    FolderError, LOADED, Loaded, SCRIPT, check_limits, check_names, fingerprint, handshakes, state_word,
-    texts,
+    FolderError, SCRIPT, check_limits, check_names, fingerprint, handshakes, loaded, state_word, texts,
 };
 use crate::layout::DeviceLayout;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{MutexGuard, PoisonError};
 
 /// Maximum number of folder states that a process reads if it runs for long: beside an editor, or as a server of all
 /// instances. A table of registers has some 10 KB.
 const MOST_FOR_LONG: usize = 4096;
-
-fn loaded() -> MutexGuard<'static, Loaded> {
-    LOADED.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Allows this process to read more folders than other processes: each saved state of a folder counts.
 pub(crate) fn allow_many_folders() {

@@ -17,26 +17,18 @@ pub(super) struct FolderFirmware {
     card: Card,
     faults: OwnFaults,
     source: Source,
-    /// The part that the CAN port shares with the firmware, if the device has a port.
-    link: Option<BusLink>,
 }
 
-snapshot_fields!(FolderFirmware { parts: parts, card, faults; built: source, link });
+snapshot_fields!(FolderFirmware { parts: parts, card, faults; built: source });
 
 impl FolderFirmware {
-    pub(super) fn new(
-        parts: Vec<Box<dyn Part>>,
-        card: Card,
-        faults: OwnFaults,
-        source: Source,
-        link: Option<BusLink>,
-    ) -> Self {
-        FolderFirmware { parts, card, faults, source, link }
+    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, faults: OwnFaults, source: Source) -> Self {
+        FolderFirmware { parts, card, faults, source }
     }
 
     /// Switches the port on or off with the device. At power-off the script can send nothing.
     fn switch_port(&self, is_on: bool) {
-        if let Some(link) = &self.link {
+        if let Some(link) = self.card.link() {
             link.switch(is_on);
         }
     }
@@ -87,7 +79,7 @@ impl Firmware for FolderFirmware {
     }
 
     fn next_time(&self) -> u64 {
-        let of_port = self.link.as_ref().map_or(u64::MAX, BusLink::next_time);
+        let of_port = self.card.link().map_or(u64::MAX, BusLink::next_time);
         let first = of_port.min(self.faults.next_time());
         self.parts.iter().map(|part| part.next_time()).fold(first, u64::min)
     }
@@ -122,7 +114,7 @@ impl Firmware for FolderFirmware {
     }
 
     fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
-        self.link.as_mut().map(|link| link as &mut dyn DevicePorts)
+        self.card.link_mut().map(|link| link as &mut dyn DevicePorts)
     }
 
     /// No event occurs while the program is stopped (D-300).

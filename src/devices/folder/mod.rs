@@ -56,7 +56,7 @@ use commram_layoutc::Layout;
 use commram_layoutc::model::{Device, FieldType};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use twox_hash::XxHash3_64;
 
 /// Maximum number of registers and arrays of registers in the structures of a folder.
@@ -170,9 +170,13 @@ static LOADED: Mutex<Loaded> = Mutex::new(Loaded {
     most: MOST_FOLDERS,
 });
 
+fn loaded() -> MutexGuard<'static, Loaded> {
+    LOADED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Returns the kinds of faults that the folders declare, in the order of reading.
 pub(super) fn declared_fault_kinds() -> Vec<&'static FaultKind> {
-    LOADED.lock().unwrap_or_else(PoisonError::into_inner).faults.all()
+    loaded().faults.all()
 }
 
 /// True if `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
@@ -203,7 +207,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
     let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));
     let fingerprint = fingerprint(dir, &read, others.chain(of_script));
-    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut loaded = loaded();
     if let Some(known) = loaded.folders.iter().find(|known| known.fingerprint == fingerprint) {
         return Ok(known);
     }
@@ -303,7 +307,7 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
 /// Returns the device of a folder with this layout hash: the last one read, if several folders differ only in facts
 /// other than addresses.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
-    let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    let loaded = loaded();
     let folders = loaded.folders.iter().rev().map(|folder| &folder.registered);
     let mut registered = folders.chain(loaded.registers.iter().rev().copied());
     registered.find(|known| known.layout.layout_hash == hash)
@@ -322,7 +326,7 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
         state_word::add(dir, &mut read.device)?;
     }
     let of_layout = fingerprint(dir, &read, has_script.then_some((SCRIPT, "")).into_iter());
-    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut loaded = loaded();
     let known = loaded.tables.iter().find(|(known, _)| *known == of_layout).map(|(_, layout)| *layout);
     let is_of = |layout: &DeviceLayout| known.is_some_and(|known| core::ptr::eq(layout, known));
     let folders = loaded.folders.iter().map(|folder| &folder.registered);

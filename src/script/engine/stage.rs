@@ -183,17 +183,12 @@ impl Stage {
     /// The plant is refused, or the verb `plant` of the script has not run.
     #[cfg(feature = "cli")]
     pub(in crate::script) fn bench_of_debugger(&mut self) -> Result<&mut Bench, ScenarioError> {
-        let is_preview = self.is_preview || self.bench.is_none();
         if self.bench.is_none() && self.calls_plant {
             let right = "this verb has not run, so the scenario has no registers yet";
             return Err(ScenarioError::argument("plant", right));
         }
-        let bench = match self.bench.take() {
-            Some(bench) => bench,
-            None => self.new_bench()?,
-        };
-        self.is_preview = is_preview;
-        Ok(self.bench.insert(bench))
+        self.is_preview |= self.bench.is_none();
+        self.existing_or_new()
     }
 
     fn limited(&self, mut bench: Bench) -> Bench {
@@ -212,6 +207,10 @@ impl Stage {
     /// the built-in one.
     pub(super) fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
         self.is_preview = false;
+        self.existing_or_new()
+    }
+
+    fn existing_or_new(&mut self) -> Result<&mut Bench, ScenarioError> {
         let bench = match self.bench.take() {
             Some(bench) => bench,
             None => self.new_bench()?,
