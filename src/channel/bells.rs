@@ -1,23 +1,25 @@
 //! Bells, by which client and emulator wake each other.
 //!
-//! iceoryx2 transports the messages but wakes no thread. The emulator's thread sleeps on the doorbell in the header
-//! page of the image. Clients sleep on another bell in the header page until the emulator announces a reply. All
-//! clients share both bells, so a wake-up only means "check again".
+//! iceoryx2 transports the messages but wakes no thread. The emulator's thread sleeps on the doorbell in the
+//! header page of the image. Clients sleep on another bell in the header page until the emulator announces a
+//! reply. All clients share both bells. So a thread that wakes up must check whether its request or its reply
+//! has arrived.
 
 use std::time::Duration;
 
 /// The bells between client and emulator.
 ///
-/// A wait must not miss a ring. So a thread first reads the number of rings, then checks for work, and then waits for a
-/// ring after this number.
+/// A wait must not miss a ring. So a thread first reads the number of rings, then checks for work, and then
+/// waits until the number has changed.
 pub trait Bells {
     /// For the client: wakes the emulator's thread.
     fn ring_doorbell(&self);
 
-    /// For the client: number of announcements so far, wrapping.
+    /// For the client: the number of announced replies so far. It wraps.
     fn reply_count(&self) -> u32;
 
-    /// For the client: sleeps until the count is no longer `seen`, or until the timeout. May return early.
+    /// For the client: sleeps until [`Bells::reply_count`] is no longer `seen`, or until the timeout. May
+    /// return early.
     fn wait_reply(&self, seen: u32, timeout: Duration);
 
     /// For the emulator: wakes the clients after a reply was sent.

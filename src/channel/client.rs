@@ -1,7 +1,8 @@
 //! The client's side of the channel.
 //!
-//! The client sends a request, rings the doorbell, and waits for the reply. It always waits, because iceoryx2 loses the
-//! messages of a client that has ended. A client that gives up or dies does not disturb the other clients.
+//! The client sends a request, rings the doorbell, and waits for the reply. The client never ends before the
+//! reply, because iceoryx2 loses the messages of a client that has ended. A client that gives up or dies does
+//! not disturb the other clients.
 
 mod error;
 
@@ -35,8 +36,9 @@ const ALIVE_CHECK: Duration = Duration::from_millis(100);
 pub(super) const ROOM: u64 = 256 << 10;
 /// Largest number of files that a client opens, in addition to the other files of its process.
 const FILES: u64 = 16;
-/// Address space that a client needs in addition to that of its process, in bytes: maps of iceoryx2, threads for
-/// entering and leaving, and memory that the allocator reserves for each thread.
+/// Address space in bytes that a client needs in addition to the address space in use: for the maps of
+/// iceoryx2, the threads for entering and leaving, and the memory that the allocator reserves for each
+/// thread.
 const SPACE: u64 = 160 << 20;
 /// Pause between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(2);
@@ -46,10 +48,11 @@ const RETRY: Duration = Duration::from_millis(2);
 pub struct Patience {
     /// Time for which [`Client::connect`] waits for an instance that does not run yet. The default is zero.
     pub connect: Duration,
-    /// Longest time to enter the channel, parts of which may be damaged. 5 s by default.
+    /// Longest time to enter the channel. If a part of the channel is damaged, entering may never end. 5 s by
+    /// default.
     pub enter_limit: Duration,
-    /// Longest wait for a reply, in wall time. The time limits of waits in the request are added, as if the clock ran
-    /// in real time. 5 s by default.
+    /// Longest wait for a reply, in wall time. If the request contains waits, their time limits are added to
+    /// this time, as if the clock ran in real time. 5 s by default.
     pub reply: Duration,
     /// How long to poll for the reply before sleeping. Zero by default: with few processors a polling client takes
     /// processor time from the emulator.
@@ -131,8 +134,8 @@ impl Client {
         self.cancel = Some(cancel);
     }
 
-    /// True if another program has shortened a part of the channel. A request, or leaving the channel, could then read
-    /// zeros.
+    /// True if another program has shortened a part of the channel. If the client then sends a request or
+    /// leaves the channel, it may read zeros.
     #[cfg(feature = "web")]
     pub(crate) fn is_shortened(&self) -> bool {
         self.guest.domain().is_shortened()
@@ -198,8 +201,8 @@ impl Client {
         let (mut start, mut withdrawn) = (None, false);
         loop {
             let seen = self.bells.reply_count();
-            // The state is read before the check for the reply, because the emulator first answers a request and then
-            // closes it.
+            // The emulator first answers a request and then closes it. So this code reads whether the request
+            // is open before it checks for the reply; in the other order it could miss a reply.
             let open = pending.is_connected();
             if self.take_reply(pending, replies)? {
                 return Ok(());
@@ -360,7 +363,7 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     let Some(domain) = domain.filter(is_ready) else {
         return Err(not_running(instance, root));
     };
-    // iceoryx2 would wait without a timeout for an object without content.
+    // iceoryx2 would wait without a timeout for an object that has no content, so such an object is an error.
     if let Some(path) = domain.half_made().pop() {
         return Err(ClientError::Damaged { instance: instance.to_owned(), path });
     }

@@ -31,8 +31,8 @@ use std::time::{Duration, Instant};
 
 /// Variant of iceoryx2 for the server.
 pub(super) type Ipc = ipc::Service;
-/// Variant of iceoryx2 for clients. Its objects may move to another thread: one thread enters the domain, another one
-/// uses it.
+/// Variant of iceoryx2 for clients, with objects that may move to another thread: one thread enters the
+/// domain, and another thread uses it.
 pub(super) type Threads = ipc_threadsafe::Service;
 pub(super) type ServiceBuilder<S> = Builder<[WireOp], (), [Block], (), S>;
 pub(super) type Service<S> =
@@ -47,13 +47,13 @@ pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
 pub(super) const MAX_ROOT: usize = 120;
 /// Name of the service.
 const SERVICE: &str = "commram.channel";
-/// Exists while a server is ready; contains its process.
+/// File that exists while a server is ready. It contains the process id of the server.
 const READY: &str = "ready";
 /// Contains the prefix of the domain's shared memory.
 const PREFIX: &str = "prefix";
 /// Directories that iceoryx2 creates in the root.
 const DIRECTORIES: [&str; 2] = ["nodes", "services"];
-/// Longest wait of the owner for clients that are leaving at its start.
+/// Longest time for which an owner that starts waits for clients that are leaving.
 const MOVE_IN: Duration = Duration::from_secs(2);
 
 /// The reason why a domain's directory cannot be used.
@@ -112,7 +112,8 @@ impl Domain {
         let prefix = match prefix(&directory, &tag) {
             Some(prefix) => prefix,
             None => {
-                // Removes objects of a killed run. Its directory was removed after the kill.
+                // The directory of a killed run may be missing, so the objects of that run are found by the
+                // beginning of their names.
                 shm::remove(&tag);
                 new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
             }
@@ -200,8 +201,8 @@ impl Domain {
         format!("{format} of iceoryx2 {}", details.iceoryx2_version())
     }
 
-    /// Creates the owner's node. iceoryx2 makes one file accessible to every user, the counter of the prefix's nodes. A
-    /// private copy replaces it before any client relies on it.
+    /// Creates the owner's node. iceoryx2 makes one file accessible to every user: the counter of the nodes
+    /// with this prefix. This function replaces the file by a private copy before any client uses it.
     pub(crate) fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
         let node = self.node()?;
         match shm::make_private(&self.prefix) {
@@ -257,9 +258,9 @@ impl Domain {
         shm::lengths(&self.prefix)
     }
 
-    /// Returns shared memory objects that stay without content, and so prevent clients from entering the domain. First
-    /// removes those that no process uses: a process was killed while it created them. The returned objects are in use
-    /// by a slow process, or damaged.
+    /// Returns shared memory objects that stay without content, and so prevent clients from entering the
+    /// domain. First removes such objects that no process uses, because their process was killed while it
+    /// created them. The returned objects are damaged, or a slow process uses them.
     pub(crate) fn half_made(&self) -> Vec<PathBuf> {
         let (used, left): (Vec<_>, Vec<_>) =
             shm::half_made(&self.prefix).into_iter().partition(|path| shm::is_in_use(path));
@@ -273,7 +274,7 @@ impl Domain {
     /// the channel.
     pub(crate) fn dead_nodes(&self) -> Vec<UniqueNodeId> {
         let mut dead = Vec::new();
-        // Nodes that cannot be listed now are found by the next call.
+        // An error is ignored: the next call finds the nodes that cannot be listed now.
         let _ = Node::<Ipc>::list(&self.config, |node| {
             if let NodeState::Dead(node) = &node {
                 dead.push(*node.id());
@@ -324,8 +325,8 @@ impl ChannelSite for Domain {
         self.root.remove(READY);
     }
 
-    /// True if a living process uses the domain. If iceoryx2 cannot list the nodes because of damage, the domain counts
-    /// as unused. If there is no thread for the query, it counts as used.
+    /// True if a living process uses the domain. If iceoryx2 cannot list the nodes because of damage, the
+    /// domain counts as unused. If the thread for the query cannot be started, the domain counts as used.
     fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
@@ -354,7 +355,7 @@ impl ChannelSite for Domain {
         self.root.remove_if_empty();
     }
 
-    /// A directory with a prefix belongs to another run.
+    /// A directory that already has a prefix belongs to another run.
     fn made_again(&self) -> Option<Self> {
         if self.root.is_named() {
             return None;

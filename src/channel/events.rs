@@ -71,8 +71,8 @@ impl EventNotifier {
 /// The client's side: waits for events of one PLC.
 pub struct EventListener {
     listener: Listener<Threads>,
-    // Declared after the port: the port belongs to the service and the guest, so the service and the guest must be
-    // dropped after it.
+    // The port uses the service and the guest, so it must be dropped first. Rust drops fields in the order of
+    // their declaration, so these two fields are declared after the port.
     service: Service<Threads>,
     _guest: Guest,
     bells: Box<dyn Bells>,

@@ -21,7 +21,8 @@ pub(super) struct Guest {
 impl Guest {
     /// Enters a domain. May never return: see [`enter_within`].
     pub(crate) fn enter(domain: Domain) -> Result<Self, NodeCreationFailure> {
-        // The guest is created before the node, because a failed attempt to create the node also leaves files.
+        // A failed attempt to create the node leaves files. The guest is created first, so that dropping it
+        // removes these files.
         let mut guest = Guest { node: None, domain };
         guest.node = Some(guest.domain.node()?);
         Ok(guest)

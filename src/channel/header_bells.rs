@@ -24,7 +24,7 @@ impl HeaderBells {
     /// # Errors
     /// The image is attached read-only: such a client cannot ring.
     pub fn of_client(attached: Attached) -> Result<Self, MemoryError> {
-        // A client of the channel does not access the registers.
+        // A client of the channel does not access the registers, so it keeps only the header page.
         let attached = attached.only_header()?;
         Ok(HeaderBells { headers: vec![attached.header()?.clone()], attached: Some(attached) })
     }

@@ -1,9 +1,9 @@
 //! The channel: a request-response interface to a running emulator, for tools and tests.
 //!
-//! The channel is the second interface of an emulator; the first is the mapped image. The channel can advance the
-//! emulated time, wait for a register without missing a change, and execute several operations (poke, step, peek) with
-//! no other input in between. If the channel is missing or fails, the firmware and clients with a mapped image
-//! continue.
+//! An emulator has two interfaces for programs: the mapped image and the channel. The channel can advance the
+//! emulated time, wait for a register without missing a change, and execute several operations (poke, step,
+//! peek) with no other input in between. If the channel is missing or fails, the firmware and clients with a
+//! mapped image continue.
 //!
 //! | part | content |
 //! |---|---|

@@ -7,7 +7,7 @@
 #[cfg(test)]
 mod model;
 
-/// A directory, real or modelled. Another directory may have its name by now.
+/// An opened directory, real or modelled. If it was renamed or removed, another directory may have its name.
 pub(super) trait ChannelRoot {
     /// While a value of this type exists, no other process has the lock.
     type Lock;
@@ -15,7 +15,7 @@ pub(super) trait ChannelRoot {
     /// Takes the lock if it is free.
     fn try_lock(&self) -> Option<Self::Lock>;
 
-    /// True if this directory still has the name.
+    /// True if the domain's name still leads to this directory.
     fn is_named(&self) -> bool;
 }
 
@@ -31,7 +31,7 @@ pub(super) trait ChannelSite: Sized {
     /// True if a living process is in the domain.
     fn in_use(&self) -> bool;
 
-    /// True if the directory with the name of the domain has directories of iceoryx2.
+    /// True if the directory that now has the domain's name contains directories of iceoryx2.
     fn has_files(&self) -> bool;
 
     /// Withdraws the announcement of this process.
@@ -43,8 +43,9 @@ pub(super) trait ChannelSite: Sized {
     /// Removes the directory if it is empty.
     fn remove_root(&self);
 
-    /// Returns the directory that now has the name, if it is a new directory without an owner. Such a directory appears
-    /// if a client enters while the owner removes the old one, because iceoryx2 works with paths.
+    /// Returns the directory that now has the domain's name, if it is a new directory without an owner. Such
+    /// a directory appears if a client enters while the owner removes the old directory: iceoryx2 works with
+    /// paths and creates a missing directory.
     fn made_again(&self) -> Option<Self>;
 }
 
@@ -68,8 +69,8 @@ pub(super) fn own<R: ChannelRoot, E>(
 /// Maximum number of sweeps of a leaving client. Files that it cannot remove stay.
 const SWEEPS: u32 = 10;
 
-/// Called by a client that has left the channel. If the server has ended before, the client must remove the remaining
-/// files.
+/// Called by a client that has left the channel. If the server ended before the client left, the client must
+/// remove the remaining files.
 pub(super) fn leave(place: &impl ChannelSite) {
     sweep_as_last(place);
     if let Some(place) = place.made_again() {
@@ -93,7 +94,8 @@ fn sweep_as_last(place: &impl ChannelSite) {
             place.remove_root();
         }
         drop(held);
-        // Clients that have left during the sweep, or have failed to enter, found the lock taken and did not sweep.
+        // Clients that left during the sweep, or failed to enter, found the lock taken and did not sweep. If
+        // they left files, the loop sweeps again.
         if !place.has_files() || place.in_use() {
             return;
         }

@@ -31,13 +31,14 @@ impl Run {
         self.replies.clear();
     }
 
-    /// Sets the process of the client, which becomes part of the reason for the emulator's end.
+    /// Sets the process id of the client. If the request ends the emulator, the reason for the end names this
+    /// process.
     pub(crate) fn set_process(&mut self, process: Option<u32>) {
         self.execution.set_process(process);
     }
 
-    /// Executes `ops` from where the last call stopped. Each operation is read only once, so changes by
-    /// a hostile client have no effect.
+    /// Executes `ops`, beginning with the operation at which the last call stopped. Each operation is read
+    /// only once, so changes by a hostile client have no effect.
     pub(crate) fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         if ops.len() > MAX_OPS {
             let count = ops.len();

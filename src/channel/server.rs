@@ -56,8 +56,9 @@ pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
 
 /// The emulator's side of the channel. Not `Send`: create it on the thread that polls it.
 pub struct Server {
-    /// In real time, the requests that wait. With a stepped clock, the request in progress and the following requests
-    /// in their order of arrival. The field is declared before the port, because requests refer to the port.
+    /// Requests that are not answered yet. In real time, they wait for a condition. With a stepped clock, the
+    /// first one is in progress, and the others follow in their order of arrival. The field is declared
+    /// before the port, because requests refer to the port.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
     /// The server's port; `None` only while the server is being dropped.
@@ -98,7 +99,8 @@ impl Server {
     fn move_in(instance: &str, mut domain: Domain, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
         need_room(instance)?;
         let (node, service, port) = match ports(instance, &domain) {
-            // An earlier run was killed while it created the service.
+            // An earlier run was killed while it created the service, so the service is unusable and its
+            // files must be removed.
             Err(OpenFailure::Wedged) => {
                 domain = domain.renew()?;
                 ports(instance, &domain).map_err(|e| e.into_error(instance))?
@@ -129,13 +131,14 @@ impl Server {
         EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)
     }
 
-    /// Creates a watch that detects, from another thread, when a program shortens the present shared memory.
+    /// Creates a watch for use in another thread. It detects when a program shortens the shared memory that
+    /// the channel has now.
     pub fn watch(&self) -> ChannelWatch {
         ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
-    /// Returns the number of waiting or paused requests. While the number is not zero, the caller must poll after every
-    /// firmware step. With a stepped clock, it must poll immediately.
+    /// Returns the number of waiting or paused requests. While the number is not zero, the caller must call
+    /// [`Server::poll`] after every firmware step, and with a stepped clock immediately.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
@@ -146,7 +149,8 @@ impl Server {
     ///
     /// Does not block, except while a request advances the clock; that request ends at its next pause.
     ///
-    /// Returns the number of answered requests. If it is not zero, more requests may have arrived during the call.
+    /// Returns the number of answered requests. If the number is not zero, more requests may have arrived
+    /// during the call.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
         self.forget_dead_clients();
         let answered = if host.is_stepped() { self.resume(host) } else { self.retry(host) };

@@ -15,14 +15,15 @@ const HALF_MADE: Duration = Duration::from_millis(500);
 /// Maximum length of an object with access for all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// Returns the shared memory objects of this user with names that begin with `prefix`. Leaves out objects of other
-/// users: another user can see the prefix and create such objects, but no process of this user opens them.
+/// Returns the shared memory objects of this user with names that begin with `prefix`. Another user can see
+/// the prefix and create objects with it. No process of this user opens such objects, so they are left out.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let own = rustix::process::geteuid().as_raw();
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
     entries
         .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
-        // Owner of the entry itself, not of the target of a link.
+        // `metadata` reads the owner of the directory entry. If the entry is a link, this is not the owner of
+        // its target.
         .filter(move |entry| entry.metadata().is_ok_and(|data| data.uid() == own))
         .map(|entry| entry.path())
 }
@@ -45,8 +46,8 @@ pub(super) fn is_shortened(prefix: &str) -> bool {
     maps.lines().any(|line| is_longer_than_file(line, prefix).unwrap_or(false))
 }
 
-/// True if the map of a line in `/proc/self/maps` is longer than its object; `None` for other lines, and if the object was
-/// removed.
+/// True if the map of a line in `/proc/self/maps` is longer than its object; `None` if the line is not about
+/// an object with the prefix, or if the object was removed.
 #[cfg(feature = "web")]
 fn is_longer_than_file(line: &str, prefix: &str) -> Option<bool> {
     let path = Path::new(line.get(line.find('/')?..)?);
@@ -103,9 +104,9 @@ pub(super) fn is_in_use(path: &Path) -> bool {
     })
 }
 
-/// Replaces objects that other users can open by private copies. Returns true if there were such objects. No process of
-/// this user may use them yet. A process of another user that has opened one still has the old file, which is no longer
-/// used.
+/// Replaces each object that other users can open by a private copy. Returns true if there was such an
+/// object. When this function is called, no process of this user may use the objects yet. A process of
+/// another user that has opened one still has the old file, which is no longer used.
 pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
     let shm = Directory::open(Path::new(SHM))?;
     let mut any = false;

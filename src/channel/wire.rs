@@ -35,8 +35,8 @@ use columns::InColumns;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// Version of the format. Increment it, here and in the names of [`WireOp`] and [`Block`], after a change of an
-/// operation, a reply, or a type of the program within a reply.
+/// Version of the format. Increment it, here and in the names of [`WireOp`] and [`Block`], after a change of
+/// an operation, of a reply, or of a type in a reply that only this program can decode (`serde_types.rs`).
 pub(crate) const WIRE_VERSION: u32 = 4;
 /// Longest reply in bytes: four full ranges and some space for other replies.
 pub(crate) const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
@@ -82,7 +82,7 @@ pub(crate) struct Block {
     pub kind: u16,
     /// Code of an error, number of a history, or whether a comparison held.
     pub code: u16,
-    /// Number of data bytes in the following blocks; the rest of the last block is zero.
+    /// Number of data bytes in the blocks that follow this head. The unused bytes of the last block are zero.
     pub data_len: u32,
     /// The reply's number: a value, a time, or the end of the journal.
     pub value: u64,
@@ -137,8 +137,8 @@ macro_rules! codec {
                     $($number => Op::$op $({ $($field: InColumns::of_columns(($(wire.$column,)+))?),+ })?,)+
                     _ => return Err(BadField::new("the kind", wire.kind)),
                 };
-                // An unused field may get a meaning in a later version, so this version must refuse content in unused
-                // fields.
+                // A later version may give an unused field a meaning, so this version refuses an operation
+                // with content in an unused field.
                 if WireOp::from(&op) != wire {
                     return Err(BadField::new("an unused field", wire.kind));
                 }

@@ -10,8 +10,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
-/// Number of watched bytes: the page up to the field `board`. In the rest of the page, both clients and emulator write,
-/// and they share the fields of requests.
+/// Number of watched bytes: the header page up to the field `board`. The bytes from `board` on are not
+/// watched, because both clients and the emulator write them.
 const BYTES: usize = offset_of!(Header, board);
 /// Number of blocks that are compared.
 const BLOCKS: usize = BYTES.div_ceil(Block::WORDS * WORD);
@@ -103,7 +103,7 @@ impl HeaderWatch {
         self.left.copy(&*self.now);
     }
 
-    /// Stores the emulated time, which advances even when the firmware has nothing to do.
+    /// Stores the emulated time in the baseline. The time advances even when the firmware has nothing to do.
     #[inline]
     pub(crate) fn show_time(&mut self, now: u64) {
         const TIME: usize = offset_of!(Header, virtual_time_us) / WORD;
@@ -112,7 +112,8 @@ impl HeaderWatch {
         }
     }
 
-    /// Stores the speed of the clock, which the emulator changes between two runs of the firmware.
+    /// Stores the speed of the clock in the baseline. The emulator changes the speed between two runs of the
+    /// firmware.
     pub(crate) fn show_speed(&mut self, permille: u32) {
         const SPEED: usize = offset_of!(Header, speed);
         const SHIFT: usize = 8 * (SPEED % WORD);
@@ -135,7 +136,8 @@ impl HeaderWatch {
         for (index, ((now, left), watched)) in words {
             let word = now.load();
             let differs = (word ^ *left) & watched;
-            // Fields are 32 or 64 bits wide, or text; the value of each half that differs is reported.
+            // The fields in a word are 32 or 64 bits wide, or text. So each 32-bit half that differs is
+            // reported separately.
             for half in [0, 1] {
                 if differs >> (32 * half) & u64::from(u32::MAX) != 0 {
                     let offset = (index * WORD + 4 * half) as u32;

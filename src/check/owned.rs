@@ -9,8 +9,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
-/// Returns the registers of a device that only its own firmware writes, in ascending order. The registers in the areas
-/// of ports belong to the firmware of a bus, which has its own watch for them.
+/// Returns the registers of a device that only its own firmware writes, in ascending order. The result does
+/// not contain the registers in the areas of ports, because the firmware of a bus has its own watch for them.
 pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));

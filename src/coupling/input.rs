@@ -38,8 +38,8 @@ impl Coupling {
             (_, Err(why)) => Err(why),
             (Quantity::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
                 let bits = value as u32 & ty.mask();
-                // If the register already has the value, nothing is written. The same rule applies to units (decision
-                // D-535).
+                // A register that already has the value is not written, as for the inputs of a unit of FMI
+                // (decision D-535).
                 if owner == Owner::Both || host.plant().load(plc, offset, width) != Ok(bits) {
                     enter(host, &Op::Poke { plc, offset, width, value: bits })
                 } else {
@@ -69,7 +69,7 @@ impl Coupling {
     pub(super) fn take_frame(&mut self, host: &mut dyn Host, place: usize, text: &[u8]) {
         let Some(endpoint) = self.interface.endpoints.get(place) else { return };
         let text = String::from_utf8_lossy(text);
-        // Only the last word of a log line, the frame, is used.
+        // The text may be a complete line of a log. Its last word is the frame; the other words are ignored.
         let word = text.split_whitespace().next_back().unwrap_or_default();
         let frame = candump::frame(word);
         let frame =

@@ -60,7 +60,7 @@ pub trait Simulators: Send {
     /// The connection has failed. The text gives the reason.
     fn take(&mut self) -> Result<Option<SimulatorOutput>, String>;
 
-    /// If the connection is not yet complete, describes the missing part.
+    /// Describes which part of the connection is missing; `None` if the connection is complete.
     fn missing(&self) -> Option<String> {
         None
     }
@@ -108,7 +108,8 @@ impl Coupling {
     /// may take for an exchange.
     ///
     /// # Errors
-    /// The plant does not have a value or bus, or it cannot be exchanged in this way.
+    /// The plant does not have a value or bus of the file, or the value or bus cannot be exchanged in this
+    /// way.
     pub fn new(config: &CouplingConfig, plant: &Plant, limit: Duration) -> Result<Self, CouplingError> {
         let interface = Interface::of(config, plant)?;
         let start_us = plant.now();

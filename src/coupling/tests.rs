@@ -175,7 +175,7 @@ fn only_can_buses_exchange_frames() {
     assert!(twice.contains("twice"), "{twice}");
 }
 
-/// The model behaves in the same way as a unit and over a coupling.
+/// A model has the same effect on the plant whether it is connected as a unit of FMI or over a coupling.
 #[test]
 fn a_model_behaves_as_at_a_unit() {
     let mut host = host_of("");

@@ -62,7 +62,8 @@ struct IoThread {
 
 impl IoThread {
     fn send(&self, command: Command) {
-        // If the thread has ended, its guests have gone too, so the command is not needed.
+        // Sending fails only if the thread has ended. Then its guests have gone too, so the command is not
+        // needed.
         let _ = self.commands.send(command);
         let _ = self.waker.wake();
     }
@@ -92,8 +93,9 @@ impl Doors {
     /// Opens a door to a bus, and returns the specification of the door with the real port or number.
     ///
     /// # Errors
-    /// [`DoorError`], if the address is in use or does not belong to this machine, if no pseudo-terminal or no place
-    /// for its guest is free, or if only reserved descriptors are free. The door is then not open.
+    /// [`DoorError`]: the address is in use or does not belong to this machine, no pseudo-terminal or no
+    /// place for its guest is free, or only reserved descriptors are free. After an error the door is not
+    /// open.
     pub fn open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }

@@ -37,7 +37,7 @@ struct Inner {
     to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<GuestMessage>,
     seat: GuestTurn,
-    /// End of the time that the guest requests, if the request gives this end as a bit time.
+    /// Bit time until which the guest requests emulated time; `None` if the guest has made no such request.
     until_bit: Option<u64>,
     /// The rate of the guest's bus in bit/s, if it is known.
     bus_bit_s: u32,
@@ -87,8 +87,8 @@ pub struct GuestState {
     pub guest: u8,
     /// Door of the guest.
     pub door: DoorSpec,
-    /// True if the guest has requested the traffic of the bus. It is also true if the guest receives nothing only
-    /// because of its wrong rate.
+    /// True if the guest has requested the traffic of the bus. A guest that has named a wrong rate receives
+    /// nothing, but the field is true for it, too.
     pub open: bool,
     /// The rate that the guest has named, in bit/s.
     pub bit_s: Option<u32>,
@@ -221,7 +221,8 @@ impl Guest {
         !self.inner().to_guest.is_empty()
     }
 
-    /// Called if the guest has announced an invalid number of octets. The guest must leave.
+    /// Records that the guest has announced an invalid number of octets. Because of this number, the guest
+    /// must leave.
     pub(super) fn reject_length(&self, length: BadLength) {
         self.inner().bad_length = Some(length.0);
     }
@@ -308,7 +309,8 @@ impl Adapter for &Guest {
     }
 
     fn ask_until(&mut self, bit: u64) -> bool {
-        // The duration of the promised time is computed when the turn begins, so the largest value is given here.
+        // The request is for a bit time. Its duration in microseconds is computed later, when the turn
+        // begins, so this call passes the largest value.
         let may = self.ask(u64::MAX);
         if may {
             self.inner().until_bit = Some(bit);
@@ -342,7 +344,8 @@ impl Guest {
         );
     }
 
-    /// Sends a telegram for a bit time after 50 s at 500 kbit/s, and receives the permission.
+    /// Sends a telegram for the bit time 25,000,000, which is 50 s at 500 kbit/s, and receives the
+    /// permission.
     pub(crate) fn sends_later(&self) {
         let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
         assert!((&mut &*self).send(BusMessage::Burst(burst)));

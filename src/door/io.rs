@@ -403,8 +403,8 @@ impl Io {
                     }
                     Err(error) if is_of_the_guest(&error) => {}
                     Err(error) => {
-                        // No descriptor or memory is free. The guest waits, and no further event will report it, so the
-                        // doors must try again.
+                        // No descriptor or memory is free. The guest waits, but the operating system reports
+                        // its arrival only once, so the doors must try again after a time.
                         if let Some(others) = self.complaints.complains(now) {
                             tracing::warn!("{spec}: no guest can be accepted at the moment: {error}{others}");
                         }
@@ -463,7 +463,8 @@ impl Io {
             if !connection.is_silent() {
                 return None;
             }
-            // Reads first, because a message of the guest may have come a moment ago.
+            // A message of this guest may have arrived since the last read. So the connection is read before
+            // it counts as silent.
             let (_, presence) = connection.read();
             (presence == Presence::Leaves || connection.is_silent()).then_some((*token, connection.door))
         });

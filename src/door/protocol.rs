@@ -31,12 +31,12 @@ pub(super) trait Protocol: Sync {
     /// Kind of messages. It decides on which buses the protocol's doors can be.
     fn traffic_kind(&self) -> TrafficKind;
 
-    /// Returns the number on the channel of the protocol's doors over TCP. The numbers of all kinds of doors differ,
-    /// are not 0, and never change.
+    /// Returns the number by which requests of the channel name a TCP door of this protocol. Each kind of
+    /// door has another number. The number is not 0 and never changes.
     fn tcp_number(&self) -> u16;
 
-    /// Returns the number on the channel of the protocol's doors over a pseudo-terminal; `None` if the protocol has no
-    /// such doors.
+    /// Returns the number by which requests of the channel name a pseudo-terminal door of this protocol;
+    /// `None` if the protocol has no such doors.
     fn pty_number(&self) -> Option<u16> {
         None
     }

@@ -191,7 +191,7 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// True if a later attempt may succeed, because the emulator is perhaps just starting.
+    /// True if a later attempt may succeed: the emulator may still be starting.
     pub(super) fn may_pass(&self) -> bool {
         matches!(self, Self::NotRunning { .. } | Self::Connect { .. } | Self::Broken { .. })
     }

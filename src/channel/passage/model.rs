@@ -1,4 +1,5 @@
-//! Interleavings of an ending owner, the next owner, and leaving clients, with the atomic steps of the file system.
+//! Tests every order in which the atomic file system steps of an ending owner, the next owner, and leaving
+//! clients can happen.
 
 use super::{ChannelRoot, ChannelSite, close, leave, own};
 use core::convert::Infallible;
@@ -159,7 +160,7 @@ impl ChannelSite for Opened {
     }
 }
 
-/// The world with the site of all processes.
+/// The modelled file system, at the site that all processes use.
 #[derive(Clone)]
 struct Site {
     world: Arc<Mutex<World>>,
@@ -201,7 +202,7 @@ impl Site {
         root
     }
 
-    /// Behaves like `client::ports`: a client enters and checks that its owner has not ended.
+    /// Behaves like `client::ports`: a client enters and checks that the owner of the domain has not ended.
     fn enters(&self, client: u32, owner: u32) -> Option<Opened> {
         let number = self.world.lock().unwrap().named?;
         let place = self.open(number);

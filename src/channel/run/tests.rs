@@ -93,7 +93,8 @@ fn replies_that_are_too_long_together_are_refused() {
     assert!(got.len() > 4, "four of them do fit");
 }
 
-/// Earlier requests to the boards are handled before the request, once.
+/// If there are earlier requests to the boards, the run handles them once, before the first operation of its
+/// own request.
 #[test]
 fn a_request_begins_once() {
     let mut host = TestHost::new(false);

@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// process (SIGBUS).
 #[derive(Clone, Debug)]
 pub struct ChannelWatch {
-    /// The server's shared memory objects and their lengths in bytes.
+    /// The server's shared memory objects, and the length in bytes that each object had at the start of the
+    /// watch.
     pub(super) objects: Arc<[(PathBuf, u64)]>,
     pub(super) damaged: Arc<AtomicBool>,
 }

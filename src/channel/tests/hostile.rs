@@ -169,7 +169,7 @@ fn a_reply_that_makes_no_sense_is_an_error() {
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 1, block: 1 })), "{error}");
     let error = with_answer(&[Block { data_len: u32::MAX, ..value(2) }], &[peek]).unwrap_err();
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 0, block: 0 })), "{error}");
-    // The server sends too few values, then too many.
+    // First the server sends too few values, and in the second case it sends too many.
     let error = with_answer(&[value(1)], &[peek, peek]).unwrap_err();
     assert!(matches!(error, ClientError::WrongReply { .. }), "{error}");
     let error = with_answer(&[value(1), value(2)], &[peek]).unwrap_err();

@@ -115,7 +115,7 @@ fn killed_clients_do_not_use_up_the_places() {
     let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    // The number of rounds is larger than the number of places.
+    // There are more rounds than places for clients, so a place that stays occupied makes a later round fail.
     for round in 0..12 {
         let before = client.peek(DeviceIndex(0), REG, Width::Dword).unwrap();
         let children: [_; 4] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));
@@ -206,8 +206,8 @@ fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
     });
 }
 
-/// Random kills in the first milliseconds once blocked the service permanently, so this test kills at every
-/// stage.
+/// A process that was killed in its first milliseconds once blocked the service permanently. So this test
+/// kills a process at every stage of its start.
 #[test]
 fn an_emulator_killed_while_it_starts_does_not_block_the_next() {
     let place = InstanceFiles::new();

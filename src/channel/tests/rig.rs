@@ -151,7 +151,8 @@ impl InstanceFiles {
 
     /// Returns the beginning of the names of the instance's shared memory.
     fn tag(&self) -> String {
-        // The path is the same as while the root directory existed.
+        // The tag is computed from the absolute path, which does not change when the root directory is
+        // removed.
         let directory = self.directory.canonicalize().unwrap();
         tag(&self.instance, &directory.join("iox"))
     }

@@ -131,7 +131,8 @@ impl InColumns<door::Columns> for DoorSpec {
     }
 }
 
-/// The columns contain: whether there is a frame, its length, its identifier, and its data.
+/// The columns contain a number that is 0 if there is no frame, then the length, the identifier and the data
+/// of the frame.
 impl InColumns<(u16, u16, u32, u64)> for Option<Frame> {
     fn columns(self) -> (u16, u16, u32, u64) {
         let (id, length, data) = self.map_or((0, 0, 0), |frame| frame.numbers());

@@ -23,8 +23,8 @@ pub(super) trait Content: Sized {
     /// Sets the numbers of the head that the field uses, and appends its bytes to the data.
     fn put(&self, head: &mut Block, data: &mut Vec<u8>);
 
-    /// Decodes the field from the head and the beginning of the data, and removes its bytes from the data. `None` if no
-    /// server of this version can have sent this content.
+    /// Decodes the field from the head and the beginning of the data, and removes the bytes of the field from
+    /// the data. Returns `None` for content that a server of this version never sends.
     fn take(head: &Block, data: &mut &[u8]) -> Option<Self>;
 }
 
@@ -114,8 +114,8 @@ impl Content for Vec<Forced> {
     }
 }
 
-/// The code of the refusal is in the code of the head. The end of a wait is in the value and the data; the text
-/// follows.
+/// The `code` of the head is the code of the refusal. If a wait has failed, the value of the head and the
+/// data describe how it ended. The text of the refusal follows in the data.
 impl Content for Refused {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         self.waited.unwrap_or_default().put(head, data);
@@ -190,8 +190,8 @@ impl Element for FaultStatus {
     }
 }
 
-/// The entries come first, followed by their notes if there are any. A client of an earlier build does not read the
-/// notes.
+/// The data are all entries, followed by the notes of the entries that have one. A client of an earlier build
+/// reads the entries and ignores the notes.
 impl Content for Vec<Entry> {
     fn put(&self, _: &mut Block, data: &mut Vec<u8>) {
         serde_types::append(&self.iter().map(WireEntry::from).collect::<Vec<_>>(), data);

@@ -31,8 +31,8 @@ fn bits_of(packed: [u8; BYTES]) -> u128 {
     packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte))
 }
 
-/// Returns the kind of a fault with this number and these packed values. For a kind that a folder declares, this process
-/// must have read the folder.
+/// Returns the kind of a fault with this number and these packed values. A device folder can declare kinds of
+/// faults. This process knows such a kind only if it has read the folder.
 fn kind_of(number: u8, packed: [u8; BYTES]) -> Option<&'static FaultKind> {
     if !is_declared(number) {
         return devices::fault_kinds().iter().copied().find(|kind| kind.number() == number);
@@ -124,7 +124,7 @@ pub(super) fn encode(fault: &Fault) -> Columns {
 /// Decodes the fault. The caller checks that no bytes follow it.
 ///
 /// # Errors
-/// The number of an unknown kind of fault, or of a kind that does not allow this fault.
+/// Returns the number of the kind if the kind is unknown, or if it does not allow these values.
 pub(super) fn decode(columns: Columns) -> Result<Fault, u8> {
     let (plc, width, node, offset, value, second, reserved, time_us) = columns;
     let wire = WireOp { kind: 0, plc, width, node, offset, value, second, reserved, time_us };

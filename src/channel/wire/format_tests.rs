@@ -112,7 +112,8 @@ pub(super) fn ops() -> Vec<(String, Op)> {
     {
         ops.push(Op::Condition { plc: DeviceIndex(plc), offset, width, test: test(compare, is_signed) });
     }
-    // The test compares the kinds by their numbers and indices, because the names in the program may change.
+    // The samples use the number of a kind and its index instead of its name, because names in the program
+    // may change.
     let mut places = std::collections::BTreeMap::<u16, usize>::new();
     let mut named = |op: Op| {
         let kind = WireOp::from(&op).kind;
@@ -297,8 +298,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |text, byte| text + &format!("{byte:02X}"))
 }
 
-/// A change of the bytes of any operation or reply needs a new version in the names of the types. New operations and
-/// replies need none: an emulator refuses an unknown operation with code 13.
+/// If the bytes of any operation or reply change, the names of the types need a new version. A new operation
+/// or reply needs no new version: an emulator that does not know an operation refuses it with code 13.
 #[test]
 fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
     let mut lines = String::new();

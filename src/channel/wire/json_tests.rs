@@ -1,4 +1,5 @@
-//! JSON of operations and replies: `docs/reference/operations.json`, and a sample of each that matches it.
+//! Compares `docs/reference/operations.json`, the description of operations and replies as JSON, with a
+//! sample of each operation and reply.
 
 use super::format_tests::{ops, replies};
 use crate::journal::Names;

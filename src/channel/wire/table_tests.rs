@@ -109,7 +109,7 @@ fn json_uses_the_names_of_the_table() {
     for Row { name, fields, .. } in rows() {
         let text = if fields.is_empty() { format!("\"{name}\"") } else { format!("{{\"{name}\":{{}}}}") };
         match serde_json::from_str::<Op>(&text) {
-            // Without a number, the operation clears all faults.
+            // `fault_clear` is also valid without its field: it then clears all faults.
             Ok(_) => assert!(fields.is_empty() || name == "fault_clear", "{name}"),
             Err(error) => assert!(error.to_string().starts_with("missing field"), "{name}: {error}"),
         }
@@ -177,7 +177,7 @@ fn the_channels_page_has_the_replies() {
     assert_eq!(listed, known);
 }
 
-/// The order of answers follows from the classes.
+/// The class of an operation decides whether it may be answered before an earlier request.
 #[test]
 fn the_channels_page_lists_the_operations_that_only_look() {
     let page = include_str!("../../../docs/reference/channel.md");
