@@ -1,4 +1,5 @@
-//! Spellings of PLC languages in a line of a script, and the right spelling: for scenarios, and for the scripts of devices.
+//! Finds spellings of PLC languages in a line of a script, and the right spelling. Scenarios and the scripts
+//! of devices use it.
 
 /// Words of other languages, each with the correct word.
 const WORDS: &[(&str, &str)] = &[
@@ -22,9 +23,10 @@ const WORDS: &[(&str, &str)] = &[
 
 /// The names that the scripts of a kind may use.
 pub(crate) struct Dialect<'a> {
-    /// The call that changes a register, for a hint at `:=`.
+    /// The call that changes a register. The hint for `:=` names it.
     pub(crate) store: &'a str,
-    /// True if a word is the name or the address of a register, which is a text in scripts.
+    /// True if a word is the name or the address of a register. Scripts write such a word as a text, in
+    /// quotes.
     pub(crate) is_register: &'a dyn Fn(&str) -> bool,
     /// True if a word is a verb.
     pub(crate) is_verb: &'a dyn Fn(&str) -> bool,
@@ -41,7 +43,7 @@ impl Dialect<'_> {
             if let Some(right) = number(word).or_else(|| time(word)) {
                 return wrong(word, &right);
             }
-            // A number and its unit with a blank in between.
+            // A blank separates the number from its unit.
             let unit: String = next.chars().take_while(char::is_ascii_alphabetic).collect();
             if word.bytes().all(|digit| digit.is_ascii_digit() || digit == b'.') && is_unit(&unit) {
                 return wrong(&format!("{word} {unit}"), &format!("a time as a text, \"{word}{unit}\""));
@@ -68,7 +70,7 @@ impl Dialect<'_> {
     }
 }
 
-/// Returns the line with blanks in place of its texts and its comment. The quotes stay.
+/// Returns the line with blanks in place of its comment and of the content of its texts. The quotes stay.
 fn code(line: &str) -> String {
     let (mut code, mut in_text, mut last) = (String::with_capacity(line.len()), false, ' ');
     for (at, sign) in line.char_indices() {
@@ -77,7 +79,8 @@ fn code(line: &str) -> String {
         }
         let is_quote = sign == '"' && last != '\\';
         in_text ^= is_quote;
-        // The text has the same number of bytes as the line, so that positions agree.
+        // Each character is replaced by as many blanks as it has bytes, so that positions in the result and
+        // in the line agree.
         match in_text && !is_quote {
             true => code.extend(std::iter::repeat_n(' ', sign.len_utf8())),
             false => code.push(sign),
@@ -102,7 +105,7 @@ fn words(code: &str) -> Vec<(usize, &str)> {
     words
 }
 
-/// Returns the correct spelling of a number with a base before it.
+/// Returns the correct spelling of a number that begins with its base, such as `16#43`.
 fn number(word: &str) -> Option<String> {
     let (base, digits) = word.split_once('#')?;
     let prefix = match base {

@@ -33,7 +33,7 @@ impl Arbitration {
     #[inline]
     pub fn id(self) -> Id {
         let base = self.0 >> BASE;
-        // Neither identifier has enough bits to be out of range.
+        // The shifts and the mask leave 29 or 11 bits, so neither identifier can be out of range.
         if self.is_extended() {
             let id = base << 18 | self.0 >> 1 & 0x3_FFFF;
             Id::Extended(ExtendedId::new(id).unwrap_or(ExtendedId::MAX))

@@ -46,7 +46,7 @@ pub struct ErrorCounters {
     receive: u16,
 }
 
-/// If a counter has this value or more, the state is a warning.
+/// Lowest value of a counter at which the state is [`ErrorState::Warning`].
 const WARNING: u16 = 96;
 /// Highest value of the counters with which a station is error-active.
 const LAST_ACTIVE: u16 = 127;
@@ -106,8 +106,9 @@ impl ErrorCounters {
         }
     }
 
-    /// Called when a frame of another station has ended in an error. The counter does not increase above 128. The first
-    /// good frame then sets it to 127; the standard requires 119 to 127.
+    /// Called when a frame of another station has ended in an error. The counter of receive errors stops at
+    /// 128, so the next good frame lowers it to 127. The standard requires a value from 119 to 127 after such
+    /// a frame.
     pub fn receive_error(&mut self) {
         self.receive = (self.receive + 1).min(LAST_ACTIVE + 1);
     }
@@ -142,7 +143,8 @@ impl Recovery {
 
     /// Called when a frame begins. The bus was recessive from `quiet_ns` to `begin_ns`.
     pub fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64, rate: BitRate) {
-        // Times on the wire are rounded up by less than a nanosecond. This must not make a sequence too short.
+        // Times on the wire are rounded up by less than 1 ns. Without the `+ 1`, rounding could make a
+        // complete sequence too short.
         let elapsed = u128::from((begin_ns + 1).saturating_sub(quiet_ns.max(self.from_ns)));
         let runs = elapsed * u128::from(rate.bit_s()) / (1_000_000_000 * u128::from(RUN));
         self.left = self.left.saturating_sub(u32::try_from(runs).unwrap_or(u32::MAX));

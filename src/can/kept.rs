@@ -27,7 +27,7 @@ impl Kept for StandardId {
     }
 }
 
-/// The form is the number, and true if it has 29 bits.
+/// The form consists of the number, and of a flag that is true if the number has 29 bits.
 impl Kept for Id {
     type Form = (bool, u32);
 

@@ -88,7 +88,7 @@ enum LinePhase {
 pub struct Line {
     rate: BitRate,
     state: LinePhase,
-    /// Time from which the line has been recessive, while no frame is on it.
+    /// Time since which the line has been recessive. Valid only while no frame is on the line.
     quiet_ns: u64,
 }
 
@@ -123,8 +123,8 @@ impl Line {
         }
     }
 
-    /// Returns the time since which the bus is recessive, in ns. After an error flag it may be in the future. `None`
-    /// while a frame is on the bus.
+    /// Returns the time since which the bus is recessive, in ns. If an error flag has just begun, the time is
+    /// in the future: the end of the flag. `None` while a frame is on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
             LinePhase::Busy(_) => None,
@@ -155,8 +155,8 @@ impl Line {
         participants.first(now_ns, suspended.map(|(participant, _)| participant))
     }
 
-    /// Returns a value if there is an arbitration at `now_ns`: a station that must not yet take part, and the time from
-    /// which it may take part.
+    /// Returns `None` if no arbitration is possible at `now_ns`. Otherwise returns the station that must
+    /// still wait, if there is one, and the time from which this station may take part.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
             LinePhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
@@ -220,8 +220,8 @@ impl Line {
         it.free_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
     }
 
-    /// Changes the result of a frame that would have arrived. `bits` computes the start of the error flag from the
-    /// number of bits that are over at `now_ns` and the number of bits before the acknowledge slot.
+    /// Changes the result of a frame that would have arrived. `bits` computes the start of the error flag
+    /// from two numbers: the bits that have passed at `now_ns`, and the bits before the acknowledge slot.
     fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
         let LinePhase::Busy(mut it) = self.state else { return };
         let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));

@@ -4,7 +4,7 @@ use super::{Frame, Payload};
 use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
 use proptest::prelude::*;
 
-/// Adds the upper `count` of the lower bits of `value`, the highest first.
+/// Adds `count` bits of `value`, beginning with bit `count - 1`.
 fn push(bits: &mut Vec<bool>, value: u32, count: u32) {
     bits.extend((0..count).rev().map(|i| value >> i & 1 != 0));
 }
@@ -75,7 +75,8 @@ pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     let fields: Vec<_> = frames.iter().map(arbitration_field).collect();
     let mut sending: Vec<_> = (0..frames.len()).collect();
     for place in 0..32 {
-        // After this frame's arbitration field, which ends with a dominant IDE, no other frame can win against it.
+        // A standard frame's arbitration field ends with a dominant IDE. From the next bit on, no other frame
+        // can win against this frame, so a missing bit counts as dominant.
         let bit = |participant: usize| fields[participant].get(place).copied().unwrap_or(false);
         let wire = sending.iter().all(|&participant| bit(participant));
         sending.retain(|&participant| bit(participant) == wire);

@@ -30,8 +30,9 @@ pub(crate) const SUSPENSION: u32 = 8;
 const POLYNOMIAL: u16 = 0x4599;
 const CRC_BITS: u32 = 15;
 
-/// Length of the longest messages for the CRC. The standard format has 19 bits of header, padded to three bytes, and
-/// eight data bytes. The extended format has 39 bits of header, padded to five bytes.
+/// Lengths of the longest messages from which the CRC is computed, in bytes. The standard format has 19 bits
+/// of header, padded to three bytes, and eight data bytes. The extended format has 39 bits of header, padded
+/// to five bytes.
 const STANDARD_BYTES: usize = 11;
 const EXTENDED_BYTES: usize = 13;
 
@@ -76,10 +77,11 @@ fn crc<const BYTES: usize>(message: u128) -> u16 {
 const STATES: usize = 5;
 const AFTER_STUFF_BIT: usize = 4;
 
-/// `STUFF[changes]` gives the effect of eight more bits for each state. `changes` has a 1 for each bit that differs
-/// from its predecessor; the first bit is the highest. Byte s of the entry belongs to state s. Its lower six bits are
-/// eight times the next state. Its higher bits are the number of stuff bits, at most 2. So one shift gives the next
-/// state, and the look-up does not depend on the present state.
+/// `STUFF[changes]` gives the effect of eight more bits for each state. `changes` has a 1 for each bit that
+/// differs from its predecessor; the first bit is the highest. Byte s of the entry is for state s. The lower
+/// six bits of this byte are eight times the next state, and its higher bits are the number of stuff bits, at
+/// most 2. So one shift gives the next state, and the look-up in the table does not depend on the present
+/// state.
 static STUFF: [u64; 256] = stuff_table();
 
 const fn stuff_table() -> [u64; 256] {
@@ -105,8 +107,9 @@ const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
         bit -= 1;
         let change = changes >> bit & 1 != 0;
         state = if state == AFTER_STUFF_BIT {
-            // The stuff bit is the opposite of the bit before it. If the next bit equals that bit, it starts a new run.
-            // If it differs from that bit, it equals the stuff bit and is the second bit of the stuff bit's run.
+            // The stuff bit is the opposite of its predecessor. If the next bit equals that predecessor, it
+            // starts a new run. Otherwise it equals the stuff bit, and is the second bit of the stuff bit's
+            // run.
             change as usize
         } else if change {
             0
@@ -149,7 +152,7 @@ fn stuffed_bits(frame: &Frame) -> u32 {
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;
-    // All frames of a format have one number of bytes to read, so the loop needs no branch for it.
+    // For all frames of a format, the function reads an equal number of bytes, so the loop needs no branch.
     count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
 }
 
@@ -233,7 +236,7 @@ mod tests {
 
     #[test]
     fn known_length_without_stuff_bits() {
-        // Identifier and data alternate all the time, so stuffing can only happen around length and CRC.
+        // Identifier and data consist of alternating bits, so only length and CRC can need stuff bits.
         let without = |make: &dyn Fn(Payload) -> Frame| {
             let data = |last| Payload::new(&[0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55, last]).unwrap();
             let mut frames = (0..=u8::MAX).map(|last| make(data(last)));

@@ -57,12 +57,12 @@ impl Variables {
         let mut variables = self.0.borrow_mut();
         let variable =
             variables.entry(TypeId::of::<T>()).or_insert_with(|| Rc::new(RefCell::new(T::default())));
-        // The variable is stored under its own type.
+        // `Variables` stores each variable under its type, so the downcast always succeeds.
         Shared(Rc::clone(variable).downcast().unwrap_or_default())
     }
 }
 
-/// A parameter of `call` of a block: registers, the board, or a shared variable.
+/// A parameter of a block's `call`: registers, the board, or a shared variable.
 pub trait Wire: Sized {
     /// The type that `call` gets.
     type CallView;

@@ -87,7 +87,7 @@ pub enum PinError {
     Time {
         /// Text that should be a time.
         text: String,
-        /// Reason why the text is not a time.
+        /// Error of the parser of times.
         source: time::TimeError,
     },
 }

@@ -1,10 +1,10 @@
-//! Function blocks in IEC Structured Text. Several devices share a text; words in the text are replaced where they
-//! differ.
+//! Function blocks in IEC Structured Text. Several devices share one text. Marked words in the text are
+//! replaced by the words of each device.
 
 /// A part of a device's function blocks in Structured Text.
 #[derive(Clone, Copy, Debug)]
 pub struct StPart {
-    /// Source text of the block. `@WORD@` marks the parts that differ between devices or blocks.
+    /// Source text of the block. `@WORD@` marks a part that differs between devices or blocks.
     pub text: &'static str,
     /// The replacement of each word.
     pub words: &'static [(&'static str, &'static str)],

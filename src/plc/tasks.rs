@@ -4,9 +4,10 @@
 //! returns; a test calls it between two calls of `advance_to` of a plant in the same process. [`Tasks::run`] is for an
 //! attached image: it runs the due tasks whenever the emulated clock has advanced.
 //!
-//! The switch of the board controls the program. The program starts at RUN and stops at STOP. After a reset it starts
-//! warm, unless its project was not a boot project and is therefore lost. Tasks do not interrupt each other. If several
-//! tasks are due, event tasks run first, in the order in which they were given to [`Tasks::load`].
+//! The switch of the board controls the program. The program starts at RUN and stops at STOP. After a reset
+//! the program starts warm if its project is a boot project; any other project is lost at a reset. Tasks do
+//! not interrupt each other. If several tasks are due, event tasks run first, in the order in which they were
+//! given to [`Tasks::load`].
 
 use super::Ram;
 use crate::memory::header::{Power, ProgramState, Project, RunSwitch, Start};
@@ -45,7 +46,8 @@ pub trait Program {
     /// The program ends with an error.
     fn cyclic(&mut self) -> Result<Progress, Self::Error>;
 
-    /// Runs the task of an event. `missed` counts events of this number without a call.
+    /// Runs the task of an event. `missed` is the number of earlier events of this number for which the task
+    /// did not run.
     ///
     /// # Errors
     /// The program ends with an error.
@@ -117,16 +119,17 @@ impl<P: Program> Tasks<P> {
         let mut orders = header.program.start.rings();
         match ProgramState::from_code(header.program.state.load()) {
             Some(ProgramState::None) if header.project.load() == Project::None.code() => {}
-            // A project is loaded, and this is its program. A start that the board has requested before the program
-            // attached is still pending.
+            // A project is loaded, and this is its program. If the board has requested a start before the
+            // program attached, this start is still pending.
             Some(ProgramState::Stopped) => {
                 let kind = Start::from_code(header.program.start_kind.load());
                 if matches!(kind, Some(Start::Cold | Start::Warm | Start::Hot)) {
                     orders = orders.wrapping_sub(1);
                 }
             }
-            // If the previous program did not end normally, or has ended only a moment ago, the board cannot
-            // distinguish this program from the previous one. So this program requests a start itself.
+            // The previous program did not end normally, or has ended so recently that the board has not
+            // noticed. The board then takes this program for the previous one and requests no start. So this
+            // program requests a start itself.
             _ => header.program.start_request.store(Start::Cold.code()),
         }
         header.program.state.store(ProgramState::Stopped.code());
@@ -155,7 +158,7 @@ impl<P: Program> Tasks<P> {
         (self.phase != Phase::Stopped).then_some(self.next_us)
     }
 
-    /// Runs all tasks that are due now. [`Progress::Done`]: the program has ended.
+    /// Runs all tasks that are due now. Returns [`Progress::Done`] if the program has ended.
     ///
     /// # Errors
     /// The program has ended with an error.
@@ -178,7 +181,8 @@ impl<P: Program> Tasks<P> {
             Phase::Cyclic => {
                 self.run_events()?;
                 if now >= self.next_us {
-                    // The phase of the periods does not change: the task skips the periods that it has missed.
+                    // The next time remains a multiple of the period after the start: the task skips the
+                    // periods that it has missed.
                     self.next_us += self.period_us * ((now - self.next_us) / self.period_us + 1);
                     self.ram.header().program_cycles.increment();
                     return self.program.cyclic();
@@ -190,10 +194,10 @@ impl<P: Program> Tasks<P> {
 
     /// Runs the program until it ends. `patience` is the longest real time without a due task.
     ///
-    /// In stepped mode the emulated time waits for the event tasks (lockstep): the task of an event runs at the
-    /// emulated time of the event, and takes no emulated time. A start or stop that the board requests takes effect at
-    /// the emulated time of the request. If the program has event tasks, the emulated time waits for its start tasks,
-    /// too. It does not wait for the cyclic task.
+    /// In stepped mode the emulated time waits for the event tasks (lockstep). The task of an event runs at
+    /// the emulated time of the event, and takes no emulated time. A start or stop that the board requests
+    /// takes effect at the emulated time of the request. If the program has event tasks, the emulated time
+    /// also waits for its start tasks. It does not wait for the cyclic task.
     ///
     /// # Errors
     /// The program has ended with an error, the emulator has ended, or no task was due within `patience`.
@@ -204,7 +208,7 @@ impl<P: Program> Tasks<P> {
         let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
         let mut seats = Vec::new();
         for (event, _) in self.events.iter().filter(|_| stepped) {
-            // The first seat also gets the turns for starts and stops that the board requests.
+            // The task of the first seat also gets a turn for each start or stop that the board requests.
             seats.push(match seats.is_empty() {
                 true => attached.join_with_orders(*event, patience, patience)?,
                 false => attached.join_lockstep(*event, patience, patience)?,
@@ -230,8 +234,9 @@ impl<P: Program> Tasks<P> {
         is_starting.then(|| u32::try_from(self.next_us.saturating_sub(self.ram.now_us())).unwrap_or(u32::MAX))
     }
 
-    /// True if a task must run now. `obeys_in_turns`: the emulator announces a start or stop of the board by a turn,
-    /// and the next call of the start task, so this function does not poll for them.
+    /// True if a task must run now. With `obeys_in_turns`, the emulator gives the program a turn for a start
+    /// or stop of the board and for the next call of the start task. This function then need not poll for
+    /// them.
     fn is_due(&self, obeys_in_turns: bool) -> bool {
         let header = self.ram.header();
         let has_turns = obeys_in_turns && matches!(self.phase, Phase::Starting(_));
@@ -244,7 +249,7 @@ impl<P: Program> Tasks<P> {
     /// Carries out the starts and stops that the board requests.
     fn obey(&mut self) {
         let header = self.ram.header();
-        // A reset may have ended before this poll, so the number of resets shows it.
+        // A reset may have begun and ended since the last poll. The number of resets shows it.
         let restarts = header.program.restarts.load();
         if core::mem::replace(&mut self.restarts, restarts) != restarts && self.phase != Phase::Stopped {
             self.enter(Phase::Stopped, ProgramState::Stopped);

@@ -61,7 +61,7 @@ pub struct Frame {
     pub data: Vec<u8>,
 }
 
-/// Reason for which octets are not a telegram, or a telegram cannot be sent as octets.
+/// The reason why octets are not a telegram, or why a telegram cannot be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TelegramError {
     /// No telegram begins with this octet.
@@ -301,12 +301,13 @@ mod tests {
         assert_eq!(Telegram::parse(&right[..10]), Err(TelegramError::Length { found: 10, expected: 11 }));
         let long = Frame { data: vec![0; 245], ..diagnosis() };
         assert_eq!(Telegram::Frame(long).octets(), Err(TelegramError::TooLong(247)));
-        // An address that announces a missing service access point.
+        // The address announces a service access point, but the telegram contains none.
         let none = [0x10, 0x85, 2, 0x49, 0xD0, 0x16];
         assert_eq!(Telegram::parse(&none), Err(TelegramError::Length { found: 3, expected: 4 }));
     }
 
-    /// The octets are refused, or are a telegram that is equal after it is written and parsed again.
+    /// Fails unless the octets are refused, or are a telegram that does not change when it is written and
+    /// parsed again.
     fn telegram_or_refused(octets: &[u8]) {
         if let Ok(telegram) = Telegram::parse(octets) {
             assert_eq!(Telegram::parse(&telegram.octets().unwrap()), Ok(telegram));

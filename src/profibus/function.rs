@@ -20,9 +20,9 @@ pub enum Answer {
     Ok,
     /// Data with low priority.
     Low,
-    /// Data. Further data of high priority, a diagnosis, are pending.
+    /// Data. The station also has a diagnosis, which is data of high priority.
     High,
-    /// The station does not have the service, or not at present.
+    /// The station does not have the service at all, or does not offer it at present.
     NotActivated,
 }
 
@@ -50,7 +50,7 @@ const IS_REQUEST: u8 = 0x40;
 const FCB: u8 = 0x20;
 const FCV: u8 = 0x10;
 
-/// A bit that no request and no answer has.
+/// A bit that is 0 in all requests and answers.
 const RESERVED: u8 = 0x80;
 
 /// The low bits of requests without an answer: a time event, and SDN of low and of high priority.
@@ -146,8 +146,8 @@ mod tests {
         assert_eq!(FunctionCode::parse(0xED), FunctionCode::Other(0xED), "the reserved bit is set");
     }
 
-    /// Requests for a status of the network layer (4E, 4F) and answers of masters (20, 30) are known by their bits
-    /// alone.
+    /// The bits alone decide about requests for a status of the network layer (4E, 4F) and about answers of
+    /// masters (20, 30), which no slave of commram uses.
     #[test]
     fn requests_and_answers_are_distinguished_by_their_bits() {
         for octet in [0x49, 0x4E, 0x4F, 0x6D, 0x7C, 0x43, 0x45] {

@@ -11,7 +11,7 @@ pub enum Passage {
     Normal,
     /// No station receives the telegram.
     Lost,
-    /// All stations receive this copy of an earlier transmission, although its sender does not send again.
+    /// A repeated copy of an earlier transmission, which all stations receive. Its sender sends only once.
     Copy,
 }
 

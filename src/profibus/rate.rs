@@ -57,7 +57,8 @@ impl BusRate {
     }
 }
 
-/// `value * by / of`, with `round` added before the division; the largest value if the result does not fit.
+/// Returns `value * by / of`, with `round` added before the division, or the largest value if the result does
+/// not fit.
 const fn scale(value: u64, by: u64, of: u64, round: u64) -> u64 {
     let scaled = (value as u128 * by as u128 + round as u128) / of as u128;
     if scaled > u64::MAX as u128 { u64::MAX } else { scaled as u64 }
@@ -88,7 +89,7 @@ mod tests {
     proptest! {
     #![proptest_config(crate::property_tests())]
 
-        /// The bit times have passed at the returned microsecond, and not before.
+        /// At the returned microsecond the bit times have passed; at the microsecond before, they have not.
         #[test]
         fn a_microsecond_is_the_first_one(rate in 0..BusRate::ALL.len(), bits in 1..1u64 << 40) {
             let rate = BusRate::ALL[rate];

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum Reaction {
     /// The request is for another station.
     Nothing,
-    /// The station answers with this telegram: a status, or the earlier answer to the same request.
+    /// The station answers with this telegram: a status, or its earlier answer if the master repeats a
+    /// request.
     Answered(Telegram),
     /// A new request. The user answers it with [`Responder::answer`].
     Asked(Frame),
@@ -22,7 +23,7 @@ pub enum Reaction {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Responder {
     address: u8,
-    /// The last requester, its frame count bit, and the answer to it.
+    /// The address of the last requester, the frame count bit of its request, and the answer to the request.
     last: Option<(u8, bool, Telegram)>,
 }
 
@@ -63,8 +64,8 @@ impl Responder {
         }
     }
 
-    /// Returns the answer to `request`. The answer is kept, because the master repeats the request if it has not
-    /// received the answer.
+    /// Returns the answer to `request`, and keeps the answer: a master that has not received it repeats the
+    /// request.
     pub fn answer(&mut self, request: &Frame, answer: Telegram) -> Telegram {
         if let FunctionCode::Request { fcb, .. } = FunctionCode::parse(request.fc) {
             self.last = Some((request.sa, fcb, answer.clone()));
@@ -114,7 +115,7 @@ mod tests {
     #[test]
     fn a_repeated_request_gets_the_same_answer() {
         let mut responder = Responder::new(5);
-        // The first request of a master counts with any bit.
+        // The first request of a master is a new request with either value of the frame count bit.
         assert!(asks(&mut responder, 0x6D));
         assert!(asks(&mut responder, 0x5D));
         assert!(!asks(&mut responder, 0x5D));

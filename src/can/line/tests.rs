@@ -10,7 +10,7 @@ const RATE: BitRate = BitRate::new(1_000_000).unwrap();
 #[derive(Default)]
 struct Stations {
     now_ns: u64,
-    /// Frames of each station, and the time in nanoseconds from which each frame is there to be sent.
+    /// Frames of each station. A station has a frame to send from the given time on, in nanoseconds.
     queues: Vec<VecDeque<(u64, Frame)>>,
     off: Vec<usize>,
     passive: Vec<usize>,
@@ -234,7 +234,7 @@ fn a_lone_sender_that_withdraws_causes_an_error() {
     let Event::Begun(it) = line.withdraw(0, 0, standard(1)) else { panic!() };
     assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
     assert_eq!(line.next_sender(0, &stations), None);
-    // This station did not send the frame, so it does not wait for longer than the other stations.
+    // This station did not send the last frame, so it need not wait for the additional eight bits.
     let events = stations.run(&mut line, bits(24));
     let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
     assert_eq!((again.sender, again.begin_ns), (0, bits(24)));
