@@ -6,7 +6,7 @@ use crate::journal::By;
 use crate::memory::{RegisterWidths, Segment, Unmapped, Width};
 
 impl Plant {
-    /// Reads `width` at `offset` of PLC `plc`.
+    /// Reads a value of `width` at `offset` of PLC `plc`.
     ///
     /// # Errors
     /// No register area covers the access, or there is no such PLC. All functions here return this
@@ -16,8 +16,8 @@ impl Plant {
         widths.load(ram, offset, width)
     }
 
-    /// Writes `width` at `offset` of PLC `plc`, records it in the journal and lets the checker check
-    /// it.
+    /// Writes a value of `width` at `offset` of PLC `plc`, records it in the journal and lets the checker
+    /// check it.
     ///
     /// # Errors
     /// Returns the errors of [`Plant::load`].
@@ -51,7 +51,7 @@ impl Plant {
         Ok(outcome)
     }
 
-    /// Copies bytes, independently of the widths of the registers.
+    /// Copies bytes from the image into `to`, independently of the widths of the registers.
     ///
     /// # Errors
     /// Returns the errors of [`Plant::load`].

@@ -17,8 +17,8 @@ impl Plant {
         }
         self.look_for_writes();
         let changed = self.look_at_requests();
-        // A new baseline is stored only if the firmware has written registers. Otherwise stores of a task in lockstep
-        // would count as stores of the firmware.
+        // The new baseline is stored only if the firmware has written registers. Otherwise the checker would
+        // mistake stores of a task in lockstep for stores of the firmware.
         if changed {
             // A cold start writes the retain flags, so forced values must be restored.
             self.forces.apply(&self.devices);
@@ -89,7 +89,8 @@ impl Plant {
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
-        // A device with a front panel is writable, so its firmware has a header page.
+        // The image of a device with a front panel is writable, so the firmware has access to its header
+        // page.
         let face = device.segment().firmware_header().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
@@ -106,12 +107,12 @@ impl Plant {
         novram.for_each(|novram| novram.store());
     }
 
-    /// Interrupt level of an event of PLC `plc`; `None` if the event does not exist.
+    /// Returns the interrupt level of an event of PLC `plc`; `None` if the event does not exist.
     pub fn event_level(&self, plc: DeviceIndex, event: usize) -> Option<u8> {
         self.devices.get(plc.index())?.event_level(event)
     }
 
-    /// Events of PLC `plc` since the last call, bit n for event n.
+    /// Returns and clears the events of PLC `plc` since the last call: bit n for event n.
     pub fn take_fired(&mut self, plc: DeviceIndex) -> u16 {
         let events = self.devices.get_mut(plc.index()).and_then(|device| device.events());
         events.map_or(0, Events::take_fired)

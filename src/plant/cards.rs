@@ -17,7 +17,7 @@ pub(super) struct PluggedCard {
     trigger: usize,
 }
 
-/// The option cards of a plant file that was checked.
+/// Returns the option cards of a plant file. The plant file must have been checked.
 pub(super) fn plug_in(devices: &[Arc<dyn DeviceConfig>]) -> Arc<[PluggedCard]> {
     let card = |(card, device): (DeviceIndex, &Arc<dyn DeviceConfig>)| {
         let place = device.card_place()?;
@@ -30,30 +30,31 @@ pub(super) fn plug_in(devices: &[Arc<dyn DeviceConfig>]) -> Arc<[PluggedCard]> {
 }
 
 impl Plant {
-    /// Passes on what devices have sent at this moment: pulses between controllers and cards, and orders for ports. Returns
-    /// whether there were pulses.
+    /// Passes on the signals that devices have sent at this moment: pulses between controllers and cards, and
+    /// orders for ports. Returns true if there were pulses.
     pub(super) fn pass_signals(&mut self) -> bool {
         let has_passed = self.pass_card_pulses();
         self.pass_orders();
         has_passed
     }
 
-    /// Passes the pulses of this moment on, until there are none. Cards without power get no pulses. Returns whether there
-    /// were pulses.
+    /// Passes pulses on until no device sends further pulses at this moment. Cards without power get no
+    /// pulses. Returns true if there were pulses.
     fn pass_card_pulses(&mut self) -> bool {
         if self.cards.is_empty() {
             return false;
         }
         let cards = Arc::clone(&self.cards);
         let mut has_passed = false;
-        // A card that answers each of its own pulses stops after the steps that its script may take.
+        // The loop ends even if a card answers each of its own pulses: the script of a card may take a
+        // limited number of steps.
         while self.pass_pulses(&cards) {
             has_passed = true;
         }
         has_passed
     }
 
-    /// Passes pulses once in both directions. Returns whether there were any.
+    /// Passes the waiting pulses once in both directions. Returns true if there were any.
     fn pass_pulses(&mut self, cards: &[PluggedCard]) -> bool {
         let Plant { now, devices, journal, .. } = self;
         let mut has_passed = false;
@@ -68,7 +69,8 @@ impl Plant {
                 slots.card_pulses(slot, pulses, *now);
             }
         }
-        // All cards of a controller get its pulses, so the pulses are taken once for each controller.
+        // All cards of a controller get its pulses. Taking the pulses deletes them, so they are taken once
+        // for each controller.
         let mut taken = Vec::new();
         for &PluggedCard { controller, .. } in cards {
             if taken.iter().all(|(known, _)| *known != controller)

@@ -44,7 +44,8 @@ pub struct PlantConfig {
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// Sections of the buses, in the order of the plant file.
     pub buses: Vec<Arc<dyn BusSection>>,
-    /// Faults that are active from power-on or from a given time; see `docs/reference/faults.md`.
+    /// Faults of the plant. Each is active from power-on or from a given time; see
+    /// `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
     /// The text of the plant file, in which the paths of device folders are absolute.
     text: Arc<str>,
@@ -106,10 +107,10 @@ impl PlantConfig {
         folders.collect::<Vec<_>>().join(", ")
     }
 
-    /// Numbers by which plants with different settings can be distinguished, within one version of commram: the
+    /// Returns numbers that distinguish plants with different settings within one version of commram: the
     /// processor cycle, then a hash for each device and for each bus. Faults are not settings.
-    // The hashes are made from the debug output of the settings, which contains names of structures. After such a name
-    // has changed, a plant refuses the snapshots of earlier versions.
+    // The hashes are made from the debug output of the settings, which contains names of structures. So a
+    // change of such a name makes a plant refuse the snapshots of earlier versions.
     pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, buses, faults: _, text: _ } = self;
         let devices = devices.iter().map(|device| settings_number(device));
@@ -168,7 +169,8 @@ impl PlantConfig {
         }
     }
 
-    /// Returns the possible targets of faults. The numbers in the plant must have been checked before.
+    /// Returns the possible targets of faults. The numbers of participants in the plant must have been
+    /// checked before.
     pub(super) fn sites(&self) -> Sites {
         let ports = self.ports_of_buses();
         let mask = |bus: &Arc<dyn BusSection>| {
@@ -195,14 +197,14 @@ impl PlantConfig {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// Returns the messages of a bus, as far as its devices define the messages before they run.
+    /// Returns the messages of a bus that its devices define before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
         let mut found = self.messages_of_buses(|name| name == bus);
         found.next().map(|(_, messages)| messages).unwrap_or_default()
     }
 
-    /// Returns the selected buses with their messages, as far as the devices define the messages before they run. A
-    /// plant can have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and
+    /// Returns the selected buses, each with the messages that the devices define before they run. A plant
+    /// can have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and
     /// searches the devices only once.
     pub fn messages_of_buses(
         &self,

@@ -1,10 +1,10 @@
 //! Runs the buses of a large plant independently of each other, on a single core or on several.
 //!
-//! Buses interact only at certain moments: at SYNC edges, and at events of devices. Between two such moments, buses
-//! that allow it ([`Bus::apart_until`]) run independently: each bus handles all its events in a row. The processor's
-//! caches then load the data of a bus once, not for each event. Several cores share the buses, and also the watches of
-//! the access checker. The journal gets the events of this period in the order of a sequential run: by time, then in
-//! plant order.
+//! Buses interact only at certain moments: at SYNC edges, and at events of devices. Between two such moments,
+//! buses that allow it ([`Bus::apart_until`]) run independently: each bus handles all its events in a row.
+//! The processor's caches then load the data of a bus once, not for each event. Several cores share the
+//! buses, and also the watches of the access checker. The journal contains the events of such a period in the
+//! order in which a sequential run would record them: by time, then in plant order.
 
 use super::Plant;
 use super::ports::PluggedPort;
@@ -16,7 +16,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Journal;
 use core::num::NonZero;
 
-/// Minimum number of buses. With fewer buses, sorting their events takes longer than running them.
+/// Minimum number of buses. For fewer buses, the plant needs more time to sort their events than it saves.
 pub(super) const LEAST: usize = 32;
 /// Maximum number of sources of events in each device at one moment: its watch, its poll, and the watches and polls of
 /// its ports.
@@ -25,20 +25,21 @@ const TELLERS: usize = 256;
 /// Buses that run independently, with their ports.
 type Share = (BusIndex, Vec<Box<dyn Bus>>, Journal);
 
-/// A period in which buses run independently, with the processor cycles in it. A cycle runs only if it would change the
-/// state.
+/// A period in which buses run independently, and the processor cycles in this period. A cycle runs only if
+/// it would change the state.
 #[derive(Clone, Copy)]
 struct IndependentPeriod {
     /// Emulated time at which the period ends, in microseconds.
     until: u64,
     first_cycle: u64,
     cycle_us: u64,
-    /// Number of sources that report in processor cycles. The numbers of buses as sources follow.
+    /// Number of sources that report in processor cycles. In the numbering of sources, the buses follow them.
     lookers: usize,
 }
 
 impl Plant {
-    /// Sets how many cores the plant may use; the default is 1. The number only affects the run time.
+    /// Sets how many cores the plant may use; the default is 1. The number affects only the run time, not the
+    /// results.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
         let count = if self.named_buses < LEAST { 1 } else { count.get() };
         self.workers = WorkerPool::of(count - 1);
@@ -49,10 +50,10 @@ impl Plant {
         };
     }
 
-    /// If possible, runs the buses independently until the next event of another participant, at most up to `time`.
-    /// Skips processor cycles that change nothing. Returns true if the buses have run.
+    /// Runs the buses independently, if this is possible, until the next event of another participant, but
+    /// not beyond `time`. Skips processor cycles that change nothing. Returns true if the buses have run.
     pub(super) fn go_apart(&mut self, time: u64) -> bool {
-        // Faults must act, and changes of followed registers must be recorded, event by event.
+        // The plant must apply faults, and record changes of followed registers, event by event.
         if !self.is_unobserved() {
             return false;
         }
@@ -103,7 +104,7 @@ impl Plant {
         self.buses().iter().filter(|bus| bus.next_time() < until).nth(LEAST - 1).is_some()
     }
 
-    /// Splits all buses and drafts into shares, one for each draft.
+    /// Splits all buses and drafts into shares. Each share has one draft.
     fn shares(&mut self) -> Vec<Share> {
         let size = self.buses.len().div_ceil(self.drafts.len());
         let mut buses = core::mem::take(&mut self.buses).into_iter();
@@ -144,7 +145,8 @@ impl Plant {
         is_shared
     }
 
-    /// Calls one function for the watch of each device, and the other function for the watches of ports on each bus.
+    /// Calls one function for the watch of each device, and the other function for the watches of the ports
+    /// on each bus.
     fn each_watch(
         &mut self,
         of_device: impl Fn(DeviceIndex, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
@@ -184,7 +186,8 @@ impl IndependentPeriod {
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {
             let next = bus.next_time().min(self.until);
-            // If the processor cycle and an event of a bus are due at one time, the processor cycle comes first.
+            // If a processor cycle and an event of the bus are due at one time, the processor cycle runs
+            // first.
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
                     if !bus.poll_changes_nothing(place, cycle, true) {
@@ -194,7 +197,7 @@ impl IndependentPeriod {
                 }
                 cycle += self.cycle_us;
             }
-            // The poll may have changed the next event.
+            // The poll in a processor cycle may have changed the next event.
             let now = bus.next_time();
             if now >= self.until {
                 return last;

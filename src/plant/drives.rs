@@ -87,7 +87,8 @@ impl Plant {
         Some(done)
     }
 
-    /// Reference and actual motion of the motor of drive `number`; `None` if there is no such drive.
+    /// Returns the reference and actual motion of the motor of drive `number`; `None` if there is no such
+    /// drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.shaft(drive),
@@ -95,9 +96,9 @@ impl Plant {
         }
     }
 
-    /// Sets the speed of the motor of drive `number`, from the next control task of the drive on. The speed then does
-    /// not depend on the drive's set value, so that a client can simulate the coupled load. With `None` the motor
-    /// follows the drive again. Returns `false` if there is no such drive.
+    /// Sets the speed of the motor of drive `number`, from the next control task of the drive on. From then
+    /// on, the speed does not depend on the drive's set value, so that a client can simulate the coupled
+    /// load. With `None` the motor follows the drive again. Returns `false` if there is no such drive.
     pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, buses, devices, .. } = self;

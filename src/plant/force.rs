@@ -1,8 +1,8 @@
 //! Forced registers: they keep their value even if firmware or PLC write them.
 //!
-//! Plain RAM cannot trap accesses, so a forced value is restored before each poll and after each write of
-//! the firmware. The firmware therefore never sees another value; a PLC on the mapped RAM sees its own value
-//! until the next event of the bus or processor cycle (decision D-105).
+//! Plain RAM cannot trap accesses. So the plant restores a forced value before each poll and after each write
+//! of the firmware. The firmware therefore never sees another value. A PLC on the mapped RAM sees its own
+//! value until the next processor cycle or the next event of the bus (decision D-105).
 
 use super::Plant;
 use crate::devices::Device;
@@ -60,8 +60,8 @@ pub enum ForceError {
 }
 
 impl Plant {
-    /// Makes a register keep `value` against firmware and PLC, from now until [`Plant::unforce`]. Forcing it
-    /// again changes the value.
+    /// Makes a register keep `value` against firmware and PLC, from now until [`Plant::unforce`]. A second
+    /// call for the register changes the value.
     ///
     /// # Errors
     /// [`ForceError`].
@@ -182,7 +182,8 @@ impl Forces {
     #[cold]
     fn store(&self, devices: &[Box<dyn Device>]) -> bool {
         self.list.iter().fold(false, |any, forced| {
-            // Address and value were checked when the force was set, and neither PLCs nor segments change later.
+            // Address and value were checked when the register was forced. PLCs and memory segments do not
+            // change during a run.
             let before = devices.get(forced.plc.index()).and_then(|device| {
                 device.segment().update(forced.offset, forced.width, |_| forced.value).ok()
             });

@@ -12,7 +12,8 @@ use crate::profibus::Burst;
 use std::sync::Arc;
 
 impl Plant {
-    /// Returns the guests of bus number `bus`, for an action of a guest.
+    /// Returns the guests of bus number `bus`, for an action of a guest. The action may change registers, so
+    /// the next poll is not skipped.
     fn guests_of(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
         self.guests_seen(bus)
@@ -52,8 +53,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
-    /// The guest has disconnected, and some of its frames have not been sent. The bus drops those frames that could
-    /// wait long.
+    /// Called when the guest has disconnected before all its frames were sent. The bus drops those of the
+    /// frames that might wait for a long time.
     pub(crate) fn guest_has_gone(&mut self, bus: BusIndex, guest: u8) {
         let now = self.now;
         if let Some(guests) = self.guests_of(bus) {
@@ -71,15 +72,15 @@ impl Plant {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
-    /// From now on `receiver` gets the traffic of the bus, except the guest's own frames. With `None` the guest
-    /// receives no more traffic.
+    /// Sends the traffic of the bus, except the guest's own frames, to `receiver` from now on. With `None`
+    /// the guest receives no more traffic.
     pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, receiver: Option<Arc<Guest>>) {
         if let Some(guests) = self.guests_seen(bus) {
             guests.guest_hears(guest, receiver);
         }
     }
 
-    /// A participating guest sends a frame, or a telegram.
+    /// Sends a frame or a telegram of a participating guest.
     ///
     /// # Errors
     /// [`GuestRefusal`].

@@ -1,5 +1,5 @@
-//! Registers that a client follows. The plant compares these registers before each poll and after each run of the
-//! firmware.
+//! Registers that a client follows to get a record of each change. The plant compares these registers before
+//! each poll and after each run of the firmware.
 
 use super::Plant;
 use super::force::Forces;
@@ -31,8 +31,8 @@ impl From<Unmapped> for FollowError {
 }
 
 impl Plant {
-    /// Records all changes from now on of the registers in the `len` bytes from `offset` on of PLC `plc`. Following
-    /// does not influence the plant.
+    /// Records all changes from now on of the registers in the `len` bytes from `offset` on of PLC `plc`.
+    /// Following registers does not influence the plant.
     ///
     /// # Errors
     /// [`FollowError`]. If there are too many registers, the first ones are followed up to the maximum.
@@ -46,8 +46,8 @@ impl Plant {
         self.follow_registers_for(0, plc, offset, len, keep)
     }
 
-    /// Does the same as [`Plant::follow_registers`] for a client, which may follow at most as many registers as are
-    /// still free for other clients.
+    /// Follows registers for a client like [`Plant::follow_registers`], but only as many as the maximum for
+    /// all clients still allows.
     pub(crate) fn follow_registers_for(
         &mut self,
         client: u128,
@@ -56,7 +56,7 @@ impl Plant {
         len: u32,
         keep: Keep,
     ) -> Result<(), FollowError> {
-        // Writes before this moment must not be recorded as changes.
+        // The changes up to this moment must not count as changes of the newly followed registers.
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
@@ -77,7 +77,7 @@ impl Plant {
         self.journal.changes_for(client, from, max)
     }
 
-    /// Compares the followed registers; a difference is attributed to `by`.
+    /// Compares the followed registers, and records each difference as a change by `by`.
     #[inline]
     pub(super) fn keep_changes(&mut self, by: By) {
         if self.journal.follows() {
@@ -94,7 +94,7 @@ impl Plant {
         }
     }
 
-    /// Returns the journal, and the registers that the journal compares.
+    /// Returns the journal, and the registers that the journal compares with their earlier values.
     #[inline]
     fn compared(&mut self) -> (&mut Journal, Compared<'_>) {
         let Plant { now, devices, forces, journal, .. } = self;

@@ -79,7 +79,7 @@ impl Plant {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// Applies the faults that act by themselves, not at an operation of their target.
+    /// Applies the faults that act at a certain time, without an operation of their target.
     pub(super) fn fire(&mut self) {
         let Plant { now, devices, buses, faults, journal, is_rescheduled, .. } = self;
         *is_rescheduled = true;

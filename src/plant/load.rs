@@ -4,14 +4,15 @@ use super::Plant;
 use crate::identity::BusIndex;
 use crate::journal::Source;
 
-/// Maximum delay, in emulated microseconds, of a record in the journal that combines several frames.
+/// Maximum delay, in emulated microseconds, with which the journal records frames that it combines into one
+/// record.
 const LATE_US: u64 = 2_000_000;
 
 impl Plant {
-    /// Load of bus `bus` in thousandths: the part of the last `span_us` of emulated time, or of the time since power-on
-    /// if this is shorter, in which frames kept the wire busy. Only frames that have arrived count. `None` if no time
-    /// has passed. The load is computed from the records that the journal still has; after a start from a snapshot, the
-    /// journal has no records before the snapshot.
+    /// Load of bus `bus` in thousandths: the part of the last `span_us` of emulated time in which frames kept
+    /// the wire busy. If less time has passed since power-on, the load is for this time. Only frames that
+    /// have arrived count. `None` if no time has passed. The load is computed from the records that the
+    /// journal still has; after a start from a snapshot, the journal has no records from before the snapshot.
     pub fn bus_load(&self, bus: BusIndex, span_us: u64) -> Option<u16> {
         let wire = self.buses().get(bus.index())?;
         let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());
@@ -26,7 +27,8 @@ impl Plant {
             }
         }
         let passed_us = self.now() - begin;
-        // Nanoseconds per microsecond are thousandths. A frame that ends in the span may have begun earlier.
+        // The number of nanoseconds per microsecond is the load in thousandths. `min` is necessary because a
+        // frame that ends in the span may have begun before it.
         (passed_us > 0).then(|| (busy_ns / passed_us).min(1000) as u16)
     }
 }

@@ -51,14 +51,16 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use worker_pool::WorkerPool;
 
-/// Number of consecutive attempts to run buses independently. If all fail, the plant makes no attempt for some time.
+/// Number of consecutive failed attempts to run buses independently. After them, the plant makes no attempt
+/// for some time.
 const TRIES: u32 = 4;
 
 /// The whole simulation, with its clock and its journal.
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// Time of the next event of all devices, in microseconds. The value may be too early, which has no effect.
+    /// Time of the next event of all devices, in microseconds. The value may be too early: an unnecessary
+    /// poll changes nothing.
     next_device: u64,
     cycle_us: u64,
     /// True if no event has occurred since the last processor cycle.
@@ -68,8 +70,8 @@ pub struct Plant {
     /// True if a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
-    /// The buses of the plant file, then placeholders for unconnected ports: one for each kind, and one for each port
-    /// that runs alone.
+    /// The buses of the plant file, then placeholders for unconnected ports: one placeholder for each kind of
+    /// bus, and one for each port that runs alone.
     buses: Vec<Box<dyn Bus>>,
     /// Number of buses in the plant file.
     named_buses: usize,
@@ -88,7 +90,7 @@ pub struct Plant {
     faults: Faults,
     /// Watches of the access checker, one for each device. The watches for ports are in the buses.
     watches: Vec<DeviceWatch>,
-    /// Ports with a SYNC edge of which their devices must still be notified; empty between events.
+    /// Ports with a SYNC edge, as long as their devices were not notified of the edge; empty between events.
     edges: Vec<Origin>,
     /// The option cards with their controllers.
     cards: Arc<[PluggedCard]>,
@@ -170,7 +172,8 @@ impl Plant {
         // The watches compare the registers with their state after power-on.
         plant.leave();
         for fault in config.resolved_faults()? {
-            // The fault was checked a moment ago, and there is room for all faults.
+            // `resolved_faults` has checked the fault, and the plant file cannot contain too many faults, so
+            // no error is possible.
             let _ = plant.add_fault(fault);
         }
         Ok(plant)
@@ -187,8 +190,8 @@ impl Plant {
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
-    /// Lets devices take over changes of their files. Returns whether a device has done so: snapshots from before then
-    /// belong to other settings.
+    /// Lets devices take over changes of their files. Returns true if a device has done so: earlier snapshots
+    /// then belong to other settings.
     pub(crate) fn take_over_files(&mut self) -> bool {
         let Plant { now, devices, journal, settings, .. } = self;
         let mut has_changed = false;
@@ -199,7 +202,7 @@ impl Plant {
             let Some(number) = number else { continue };
             has_changed = true;
             let mut all = settings.to_vec();
-            // The settings of devices follow the processor cycle.
+            // The number of the processor cycle comes before the numbers of the devices.
             if let Some(setting) = all.get_mut(index + 1) {
                 *setting = number;
             }
@@ -212,8 +215,8 @@ impl Plant {
         has_changed
     }
 
-    /// Advances the clock to `time`, and handles all events up to `time`, including events at `time` itself. A time in
-    /// the past changes nothing.
+    /// Advances the clock to `time`, and handles all events up to `time`, including events at `time` itself.
+    /// If `time` is in the past, nothing changes.
     pub fn advance_to(&mut self, time: u64) {
         while self.advance_until(time) {}
     }
@@ -296,7 +299,8 @@ impl Plant {
     }
 
     /// Advances the clock to a time before the next event ([`Plant::next_event`]). This is faster than
-    /// [`Plant::advance_to`], because it does not check earlier writes. A time in the past changes nothing.
+    /// [`Plant::advance_to`], because it does not check the writes of clients since the last event. If `time`
+    /// is in the past, nothing changes.
     #[inline]
     pub fn pass_to(&mut self, time: u64) {
         self.now = self.now.max(time);
@@ -320,7 +324,8 @@ impl Plant {
         self.watching = events_of(&mut self.devices).any(|its| its.watched != 0);
     }
 
-    /// True if a watched event has occurred. Takes the events of all devices, so that no old event stops the next call.
+    /// True if a watched event has occurred. Clears the events of all devices, so that they do not stop the
+    /// next call.
     fn take_stop(&mut self) -> bool {
         events_of(&mut self.devices).fold(false, |stop, its| stop | its.take_stop())
     }
@@ -350,7 +355,8 @@ impl Plant {
         self.leave();
     }
 
-    /// Returns false if the next cycle must write registers again, because the firmware has written a forced register.
+    /// Returns false if the firmware has written a forced register, so the next cycle must write registers
+    /// again.
     fn run_cycle(&mut self) -> bool {
         self.look_at_requests();
         self.forces.apply(&self.devices);
@@ -383,10 +389,10 @@ impl Plant {
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    /// Handles the present event of a bus. If no participant can see the order of the events, also handles the
-    /// following events of this bus before events of others.
+    /// Handles the present event of a bus. If no participant can see the order of events, also handles the
+    /// next events of this bus before earlier events of other buses.
     fn bus_events(&mut self, index: BusIndex, time: u64) {
-        // A device with a port handles its frame before the next event of the bus.
+        // If the device of a port handles frames, it must do so before the next event of the bus.
         let is_linked = self.ports.is_linked(index);
         let until = if self.is_unobserved() && !is_linked {
             let others =
@@ -427,8 +433,8 @@ impl Plant {
         self.is_rescheduled = false;
     }
 
-    /// Notifies the devices of the SYNC edges at their ports. An edge may start or move an activity of the device, so
-    /// the time of its next event is computed again.
+    /// Notifies the devices of the SYNC edges at their ports. An edge may start an activity of the device or
+    /// change its time, so the time of the device's next event is computed again.
     fn tell_edges(&mut self) {
         for Origin { plc, node } in self.edges.drain(..) {
             if let Some(device) = self.devices.get_mut(plc.index()) {
@@ -465,7 +471,7 @@ impl Plant {
         self.buses().get(bus.index()).is_some_and(|it| it.family() == crate::devices::can_bus::FAMILY)
     }
 
-    /// Returns names of PLCs and buses, for reading the journal.
+    /// Returns the names of PLCs and buses, which a reader of the journal needs.
     pub fn names(&self) -> Names {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
@@ -485,7 +491,7 @@ impl Plant {
     }
 }
 
-/// Returns the events of all devices that have any.
+/// Returns the events of all devices that have events.
 fn events_of(devices: &mut [Box<dyn Device>]) -> impl Iterator<Item = &mut Events> {
     devices.iter_mut().filter_map(|device| device.events())
 }

@@ -1,5 +1,5 @@
-//! Frames and telegrams of any content come to the nodes of a plant of any device, with any register contents: nothing
-//! panics, and the plant continues after it has been switched off and on.
+//! Sends frames and telegrams of any content to the nodes of a plant of any device, with any register
+//! contents. No plant panics, and each plant still runs after it was switched off and on.
 
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
@@ -9,7 +9,8 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
-/// Telegram of a guest to a bus. The bus cannot use half of these telegrams, and refuses them.
+/// Returns a telegram of a guest for a bus. Half of these telegrams are of a kind that the bus cannot use and
+/// refuses.
 fn message_of(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
@@ -32,7 +33,7 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
         0..=3 => {
             let bus = BusIndex::at(usize::from(head >> 4) % plant.named_buses.max(1));
             if let Some(message) = message_of(head, bytes) {
-                // A bus refuses frames that it cannot carry or has no room for.
+                // A bus refuses frames that it cannot carry, and frames for which its queues are full.
                 let _refused = plant.guest_sends(bus, 1, &message);
             }
             plant.advance_to(plant.now() + 1_000);
@@ -45,7 +46,8 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
             for (width, value) in
                 [(Width::Byte, value & 0xFF), (Width::Word, value & 0xFFFF), (Width::Dword, value)]
             {
-                // The width of the register is among them, if there is a register.
+                // If the offset is that of a register, one of the widths that are tried is the register's
+                // width.
                 let _unmapped = plant.store(DeviceIndex::at(plc), offset, width, value);
             }
         }
@@ -66,7 +68,7 @@ fn fuzz_node_frames() {
         for bus in BusIndex::first(plant.named_buses) {
             plant.guest_joins(bus, 1, true);
         }
-        // This number of rounds takes an acceptable time.
+        // More rounds would make the test too slow.
         for _ in 0..200 {
             let [head, len, following @ ..] = rest else { break };
             let (bytes, following) = following.split_at(usize::from(*len).min(following.len()));

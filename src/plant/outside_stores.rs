@@ -1,5 +1,5 @@
-//! Stores of outside programs into the images. They are repeated in the images of other hosts, because all plants must
-//! run identically.
+//! Stores of outside programs into the images of this host. The same stores are repeated in the images of the
+//! other hosts, because the plants of all hosts must run identically.
 
 use super::Plant;
 use super::snapshot::registers_of;
@@ -9,8 +9,9 @@ use crate::memory::{RegisterCopy, StoredBytes};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// Contents of the registers of all devices at the last poll. Requests to the boards need no copy, because the firmware
-/// reads them in separate pages.
+/// Contents of the registers of all devices at the last poll. A comparison with the present contents shows
+/// the stores since then. Requests to the boards need no copy, because the firmware reads them in separate
+/// pages.
 pub(crate) struct Outside(Vec<DeviceRegisters>);
 
 struct DeviceRegisters {
@@ -56,7 +57,7 @@ impl Outside {
         stored.collect()
     }
 
-    /// Copies the present contents, so that stores up to now are not returned.
+    /// Copies the present contents, so that the next `stored` does not return the stores up to now.
     pub(crate) fn renew(&mut self, plant: &Plant) {
         let devices = plant.devices().iter().zip(&mut self.0);
         devices.for_each(|(device, seen)| device.segment().renew_copy(&seen.ranges, &mut seen.registers));
@@ -64,8 +65,8 @@ impl Outside {
 }
 
 impl Plant {
-    /// True if programs have made a request to a board that its firmware has not seen, or if a board has something to
-    /// poll.
+    /// True if programs have made a request to a board that its firmware has not seen, or if a board must
+    /// poll its header page.
     pub(crate) fn has_undelivered_requests(&self) -> bool {
         let is_asked = |device: &dyn Device| device.segment().has_new_requests(device.layout().front);
         self.is_asked() || self.devices().iter().any(|device| is_asked(&**device))
@@ -82,8 +83,8 @@ impl Plant {
         stores.collect()
     }
 
-    /// Repeats the store that a program has made into an image of another, identical plant. The effect is that of a
-    /// store by a program on this host.
+    /// Repeats a store that a program has made into an image of an identical plant on another host. The
+    /// effect is that of a store by a program on this host.
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
         let Some(device) = self.devices().get(stored.plc.index()) else { return };
         match stored.what {

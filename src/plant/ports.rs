@@ -31,7 +31,7 @@ pub(super) struct PluggedPort {
     pub(super) port: usize,
 }
 
-/// A port with events that its device handles ([`DevicePorts::exchanges_with_ports`]).
+/// A port with events that the device of the port handles ([`DevicePorts::exchanges_with_ports`]).
 ///
 /// [`DevicePorts::exchanges_with_ports`]: crate::devices::DevicePorts::exchanges_with_ports
 #[derive(Clone, Copy, Debug)]
@@ -47,8 +47,9 @@ snapshot_fields!(Ports { parts: of_device; built: ways, seats, linked });
 #[derive(Default)]
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
-    /// For each bus, the ports on other buses to which a device can pass on the SYNC signal of this bus. Each entry has
-    /// the device, the index of the other port in the device, and the index of the device's port on this bus.
+    /// For each bus, the ports on other buses to which a device can pass on the SYNC signal of this bus. Each
+    /// entry consists of the device, the index of the other port in the device, and the index of the device's
+    /// port on this bus.
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
     /// For each bus, the port at each of its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
@@ -106,7 +107,7 @@ impl Ports {
         Ok(())
     }
 
-    /// Device and number of each port on a bus.
+    /// Returns device and number of each port on a bus.
     pub(super) fn at(&self, bus: BusIndex) -> impl Iterator<Item = Origin> {
         let of_device = move |(plc, ports): (DeviceIndex, &Vec<Port>)| {
             let at = ports.iter().filter(move |port| port.bus == bus);
@@ -115,7 +116,8 @@ impl Ports {
         DeviceIndex::enumerate(&self.of_device).flat_map(of_device)
     }
 
-    /// For each bus, the port at each of its places. The places are in the order in which the ports were connected.
+    /// Returns, for each bus, the port at each of its places. The places are in the order in which the ports
+    /// were connected.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<PluggedPort>>> {
         Arc::clone(&self.seats)
     }
@@ -201,7 +203,8 @@ impl Plant {
         }
     }
 
-    /// Lets the ports handle the orders that their devices have given at this moment. Devices without power have none.
+    /// Lets the ports handle the orders that their devices have given at this moment. A device without power
+    /// gives no orders.
     pub(super) fn pass_orders(&mut self) {
         if self.ports.linked.is_empty() {
             return;
@@ -232,7 +235,8 @@ impl Plant {
         }
     }
 
-    /// Passes a SYNC edge on to the buses with masters that take it over from bus `from` (decision D-12).
+    /// Passes a SYNC edge of bus `from` on to the buses with masters that use it as their SYNC signal
+    /// (decision D-12).
     pub(super) fn forward_sync(&mut self, from: BusIndex, signal: SyncSignal) {
         for &(device, port, _) in &self.ports.ways[from.index()] {
             let port = self.ports.of_device[device.index()][port];
@@ -246,11 +250,12 @@ impl Plant {
         }
     }
 
-    /// Emulated time of the next SYNC edge on the bus at port `port` of device `device`; `None` while there is no SYNC
-    /// signal.
+    /// Returns the emulated time of the next SYNC edge on the bus at port `port` of device `device`; `None`
+    /// while there is no SYNC signal.
     pub fn next_sync(&self, device: DeviceIndex, port: PortNumber) -> Option<u64> {
         let mut bus = self.ports.find(device, port)?.bus;
-        // Follows a forwarded signal to the master that generates it; the number of buses limits the number of steps.
+        // The loop follows a forwarded signal to the master that generates it. The number of buses limits the
+        // number of steps.
         for _ in 0..self.buses.len() {
             if let Some(time) = self.buses.get(bus.index())?.sync()?.next_sync() {
                 return Some(time);
@@ -260,7 +265,8 @@ impl Plant {
         None
     }
 
-    /// Returns the port that receives the SYNC signal that the master of bus `bus` passes on at present.
+    /// If the master of bus `bus` passes on a SYNC signal at present, returns the port that receives this
+    /// signal.
     fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
         let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {

@@ -4,8 +4,8 @@ use crate::devices::{self, BUS_KINDS};
 use crate::fault::{FaultKind, Field, Form};
 use serde_json::{Map, Value, json};
 
-/// Returns the schema, draft 7, for editors and validators. It does not restrict the sections of devices of other
-/// crates.
+/// Returns the schema, draft 7, for editors and validators. It accepts any keys in the sections of devices of
+/// other crates.
 ///
 /// # Panics
 /// The schema texts of this crate are valid JSON, as a test checks.

@@ -1,8 +1,8 @@
 //! Skipping of polls that change nothing.
 //!
-//! A processor cycle polls the registers, because clients do not announce their stores. If all ports and devices are
-//! quiescent after a cycle, and no register is written, the cycles up to the next event would change nothing, so the
-//! plant skips them.
+//! A processor cycle polls the registers, because clients do not announce their stores. If all ports and
+//! devices are quiescent after a cycle, and no register is written, the cycles until the next event would
+//! change nothing. The plant skips these cycles.
 //!
 //! No client can see the difference. Until the clock has reached the next event, only two kinds of clients can write:
 //! the client that advances the clock, and programs that have mapped an image. The next poll sees their writes, because
@@ -43,9 +43,10 @@ impl Plant {
         }
     }
 
-    /// Called at the next processor cycle. `due` is the time of the next event other than a processor cycle. If this
-    /// cycle and the cycles until `due` would only update the registers that show the live traffic, skips them. A later
-    /// cycle, at `time` at the latest, updates these registers (decision D-585).
+    /// Called at the next processor cycle. `due` is the time of the next event other than a processor cycle.
+    /// Skips this cycle and the cycles until `due` if they would only update the registers that show the live
+    /// traffic. A later cycle, at `time` at the latest, updates these registers (decision D-585). Returns
+    /// true if cycles were skipped.
     #[inline]
     pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
         let (first, cycle_us) = (self.next_cycle, self.cycle_us);
@@ -66,8 +67,8 @@ impl Plant {
         true
     }
 
-    /// Returns the last processor cycle up to `time` that must run, as far as can be determined now. Buses that run
-    /// independently make the earlier cycles that would change something.
+    /// Returns the last processor cycle up to `time` that must run, as far as can be determined now. Earlier
+    /// cycles may also change something. Buses that run independently run these cycles themselves.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
         let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();
@@ -75,12 +76,13 @@ impl Plant {
             return first;
         }
         self.is_seen = true;
-        // The journal must be notified of the time at the first cycle after `next_look`.
+        // The journal must get the time of the first cycle after `next_look`.
         let wanted = time.min(self.journal.next_look().saturating_add(self.cycle_us - 1)).max(first);
         first + (wanted - first) / self.cycle_us * self.cycle_us
     }
 
-    /// True if no registers are followed or forced, and there are no faults.
+    /// True if no registers are followed or forced, and there are no faults: nothing outside the firmware
+    /// depends on each single event.
     #[inline]
     pub(super) fn is_unobserved(&self) -> bool {
         self.faults.is_empty() && !self.journal.follows() && self.forces.list().is_empty()

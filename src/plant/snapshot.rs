@@ -30,7 +30,8 @@ pub struct Snapshot {
     state: Vec<u8>,
 }
 
-/// A search for a moment in the past of the plant. During the search, the journal's records are kept here.
+/// A search for a moment in the past of the plant. The search returns to several snapshots; this value keeps
+/// the journal's records in the meantime.
 pub(crate) struct Search(Rings);
 
 /// Reason for which a plant cannot restore a snapshot.
@@ -123,8 +124,8 @@ impl Snapshot {
 }
 
 impl Plant {
-    /// Does the work that the parts of the plant have postponed. This does not change their results, but makes
-    /// snapshots faster.
+    /// Completes the work that the parts of the plant have postponed. The results do not change, but
+    /// snapshots become faster.
     pub(crate) fn settle(&mut self) {
         self.buses.iter_mut().filter_map(|bus| bus.drives_mut()).for_each(|drives| drives.settle());
     }
@@ -170,8 +171,9 @@ impl Plant {
         self.take_over(snapshot, false)
     }
 
-    /// Restores the snapshot in a file like [`Plant::restore`]. If the file has the text of this plant's plant file, other
-    /// settings come from a changed file in the folder of a device.
+    /// Restores the snapshot in a file like [`Plant::restore`]. If the file contains the text of this plant's
+    /// plant file and the settings still differ, the error names the cause: a changed file in the folder of a
+    /// device.
     pub(crate) fn restore_file(&mut self, file: &SnapshotFile) -> Result<(), SnapshotError> {
         let restored = self.restore(&file.snapshot);
         if file.plant == *self.text {
@@ -181,8 +183,8 @@ impl Plant {
         }
     }
 
-    /// Names the cause of other settings in a snapshot from the same plant file. Only a changed file in the folder of a
-    /// device changes the settings.
+    /// If a snapshot from the same plant file has other settings, replaces the error by one that names the
+    /// cause. Only a changed file in the folder of a device can be the cause.
     pub(crate) fn name_changed_folder(&self, error: SnapshotError) -> SnapshotError {
         let config = PlantConfig::parse("plant", &self.text).ok();
         let folders = config.map(|config| config.folders()).unwrap_or_default();
@@ -194,7 +196,8 @@ impl Plant {
         }
     }
 
-    /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the snapshot.
+    /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the time of the
+    /// snapshot.
     ///
     /// # Errors
     /// Returns the errors of [`Plant::restore`].
@@ -202,8 +205,8 @@ impl Plant {
         self.take_over(snapshot, true)
     }
 
-    /// Begins a search that visits several moments in the past and ends at one of them. The journal keeps its records
-    /// up to that moment.
+    /// Begins a search that visits several moments in the past and ends at one of them. The journal then
+    /// contains its records up to that moment.
     pub(crate) fn search(&mut self) -> Search {
         Search(self.journal.lay_aside())
     }
@@ -214,7 +217,8 @@ impl Plant {
         self.arrive();
     }
 
-    /// Fingerprint of this plant at this moment for [`Plant::is_like`]: its parts, and a number for the state.
+    /// Returns a fingerprint of this plant at this moment for [`Plant::is_like`]: the parts of the plant, and
+    /// a number for its state.
     #[cfg(feature = "channel")]
     pub(crate) fn likeness(&self) -> Vec<u8> {
         let snapshot = self.snapshot();
@@ -242,7 +246,7 @@ impl Plant {
         let mut from = Saved::new(&snapshot.state);
         let taken = self.read(&mut from, goes_back).and_then(|()| from.end());
         if taken.is_err() {
-            // This cannot fail, because this plant has just saved the bytes.
+            // This plant has just saved the bytes, so reading them cannot fail.
             let _ = self.read(&mut Saved::new(before.bytes()), true);
         }
         let watches = self.buses.iter_mut().filter_map(|bus| bus.watch());
@@ -279,7 +283,7 @@ impl Plant {
         }
     }
 
-    /// Settings that differ in another plant with the same devices and buses.
+    /// Describes the settings that differ in another plant with the same devices and buses.
     fn describe_differences(&self, theirs: &[u64]) -> String {
         let devices = self.devices.iter().map(|device| format!("PLC '{}'", device.name()));
         let buses = self.buses.iter().map(|bus| format!("bus '{}' or its participants", bus.name()));
@@ -289,7 +293,7 @@ impl Plant {
         listed(differs.map(|(name, _)| name).collect())
     }
 
-    /// Returns names and layouts of the devices, names and kinds of the buses.
+    /// Returns the names and layouts of the devices, and the names and kinds of the buses.
     fn shape(&self) -> (Vec<(String, u64)>, Vec<String>) {
         let devices = self.devices.iter();
         let layouts = devices.map(|device| (device.name().to_owned(), device.layout().layout_hash));
@@ -306,7 +310,7 @@ impl Plant {
             // After a restoration, the plant first polls all devices.
             has_looked: _,
             is_seen: _,
-            // A client outside the plant sets this while it waits for an event.
+            // A client outside the plant sets this field while it waits for an event.
             watching: _,
             devices,
             buses,
@@ -376,7 +380,7 @@ impl Plant {
     }
 }
 
-/// Ranges of the image that contain registers, in ascending order.
+/// Returns the ranges of the image that contain registers, in ascending order.
 pub(super) fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
     let layout: &'static Layout = device.layout();
     let areas = layout.areas.iter().map(|area| area.first as usize..area.last() as usize + 1);

@@ -1,8 +1,9 @@
 //! Permanent worker threads, so that repeated work for several cores does not start new threads each time.
 //!
-//! A piece of work is moved to a thread as a whole, and moved back when it is done, so no other thread can access it at
-//! the same time. An idle thread first polls for work for a moment, because the next piece usually follows soon. Then
-//! it sleeps on a futex of the channel that delivers the work.
+//! A piece of work is moved to a thread as a whole, and moved back when it is finished. So no other thread
+//! can access it at the same time. An idle thread first polls for work for a short time, because the next
+//! piece usually follows soon. If none comes, the thread sleeps on a futex of the channel that delivers the
+//! work.
 
 use core::time::Duration;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -12,7 +13,7 @@ use std::time::Instant;
 
 type Work = Box<dyn FnOnce() + Send>;
 
-/// Time for which a thread polls before it sleeps: about the time for sleeping and waking up.
+/// Time for which an idle thread polls before it sleeps: about the time that sleeping and waking up take.
 const LOOKS: Duration = Duration::from_micros(100);
 
 /// The worker threads. If a thread cannot be started, the pool works without it.
@@ -32,7 +33,8 @@ struct Worker {
 impl WorkerPool {
     /// Starts a pool of `count` threads.
     pub(super) fn of(count: usize) -> Self {
-        // With fewer processors, a polling thread would use the processor that the thread with the work needs.
+        // With fewer processors than threads, a polling thread would occupy the processor that a working
+        // thread needs.
         let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);
         let looks = if is_room { LOOKS } else { Duration::ZERO };
         let start = |_| {
@@ -59,7 +61,7 @@ impl WorkerPool {
             let (run, done) = (run.clone(), done.clone());
             let work: Work = Box::new(move || {
                 let outcome = catch_unwind(AssertUnwindSafe(|| run(part)));
-                // A closed channel means that the receiver has panicked.
+                // If the channel is closed, the receiver has panicked, and no thread waits for the result.
                 let _ = done.send((index, outcome));
             });
             let worker = self.workers.get(place).and_then(|worker| worker.work.as_ref());
@@ -75,7 +77,7 @@ impl WorkerPool {
         let left = count - outcomes.len();
         outcomes.extend(core::iter::from_fn(|| next(&all_done, self.looks)).take(left));
         outcomes.sort_by_key(|(index, _)| *index);
-        // A panic in a worker continues in this thread.
+        // If a worker has panicked, the panic continues in this thread.
         outcomes.into_iter().map(|(_, done)| done.unwrap_or_else(|panic| resume_unwind(panic))).collect()
     }
 }

@@ -6,8 +6,9 @@ use crate::identity::DeviceIndex;
 use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
-    /// Called before the firmware runs: checks the writes of clients since its last run. Checks one device after the
-    /// other: first the registers of the device itself, then those of its ports.
+    /// Called before the firmware runs: checks the writes of clients since the last run of the firmware.
+    /// Checks one device after the other: first the registers of the device itself, then the registers of its
+    /// ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
         (self.has_looked, self.is_seen) = (false, false);
@@ -26,7 +27,8 @@ impl Plant {
         }
     }
 
-    /// Called after the firmware has run: stores the baselines. Later differences are writes of clients.
+    /// Called after the firmware has run: stores the baselines. A later difference from a baseline is then a
+    /// write of a client.
     #[inline]
     pub(super) fn leave(&mut self) {
         self.keep_changes(By::Firmware);

@@ -65,7 +65,7 @@ pub enum PlantError {
         /// Name that two entries have.
         name: String,
     },
-    /// An entry with the name of a section is not a section.
+    /// An entry has the name of a section, but is not a section.
     #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
     NoSection {
         /// Path of the plant file.
@@ -80,7 +80,7 @@ pub enum PlantError {
     Kind {
         /// Path of the plant file.
         file: String,
-        /// Line of the kind in the plant file, from 1.
+        /// Line of the key `kind` in the plant file, from 1.
         line: usize,
         /// Object that the section describes: "device" or "bus".
         what: &'static str,
@@ -94,7 +94,7 @@ pub enum PlantError {
     Folder {
         /// Path of the plant file.
         file: String,
-        /// Line of the kind in the plant file, from 1.
+        /// Line of the key `kind` in the plant file, from 1.
         line: usize,
         /// Reason why the folder is not a device.
         source: FolderError,
@@ -153,8 +153,8 @@ pub enum PlantError {
         /// Name of the second slave with the number.
         second: String,
     },
-    /// A device or bus cannot be built: a number is out of its range, or a check of the device or bus itself has
-    /// failed.
+    /// A device or bus cannot be built: a number is out of its range, or the device or bus itself has refused
+    /// its settings.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.

@@ -14,7 +14,8 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer};
 
-/// The keys that are not sections of devices and buses. Sections are fields only so that messages list their names.
+/// The keys that are not in sections of devices and buses. The fields for sections exist only so that
+/// messages list their names.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a plant: tables of its parts")]
@@ -42,8 +43,8 @@ pub(super) struct Source<'a> {
     pub(super) text: &'a str,
 }
 
-/// Reads a plant file; relative paths of device folders begin at `base`. Also returns the offset of each fault in the
-/// text. The offsets are needed for errors that only the whole plant can detect.
+/// Reads a plant file; relative paths of device folders begin at `base`. Also returns the offset of each
+/// fault in the text, for errors that only a check of the whole plant can detect.
 pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
@@ -84,8 +85,8 @@ pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, 
     Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text }, places))
 }
 
-/// Returns the line, from 1, of an offset. The function counts the lines from the beginning of the text, which is slow,
-/// so it is for errors only.
+/// Returns the line, from 1, of an offset. The function counts the lines from the beginning of the text. This
+/// is slow, so only errors use it.
 pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }
@@ -123,12 +124,12 @@ impl PlantError {
 impl Source<'_> {
     fn syntax(&self, error: &Error) -> PlantError {
         let line = error.span().map(|span| self.line_of(span.start));
-        // The parser puts its hint on a separate line.
+        // The parser puts its hint on a second line. Here both lines become one.
         let what = error.message().lines().collect::<Vec<_>>().join(", ");
         PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
 
-    /// Returns an error of the reader in a section.
+    /// Converts an error of the TOML reader in a section.
     fn wrong(&self, error: &Error, section: &Section) -> PlantError {
         match self.syntax(error) {
             PlantError::Syntax { file, line, what } => {
@@ -153,7 +154,7 @@ impl Source<'_> {
         }
     }
 
-    /// Removes `kind` from a section and finds the reader for the other keys.
+    /// Removes the key `kind` from a section and finds the reader for the other keys.
     fn of_kind<'t, T: ?Sized>(
         &self,
         mut section: Spanned<DeValue<'t>>,

@@ -26,8 +26,9 @@ impl<'a> Folders<'a> {
         Folders { source, base, read: HashMap::new(), places: Vec::new() }
     }
 
-    /// Returns the folder of a device, if its section names one by its path or by its name in the search path; takes
-    /// `kind` out of the section. Devices of the program come first.
+    /// Returns the folder of a device, if its section names a folder by path, or by name in the search path.
+    /// Removes `kind` from the section. If the program itself contains a device of this name, that device has
+    /// priority over a folder.
     ///
     /// # Errors
     /// [`PlantError::Folder`] with the line of the path.

@@ -24,9 +24,10 @@ const TYPES: &[(&str, &str)] = &[
 pub(super) struct Section {
     /// Name of the section, as between the double brackets.
     pub name: &'static str,
-    /// Keys that are removed before the section is parsed. The parser therefore does not support them.
+    /// Keys that are removed before the section is parsed. The messages of the parser therefore do not list
+    /// them.
     pub before: &'static [&'static str],
-    /// Ranges of the keys of the section in the text, without keys of tables in it.
+    /// Ranges of the section's keys in the text, without the keys of inner tables.
     pub keys: Vec<Range<usize>>,
 }
 
@@ -56,7 +57,7 @@ pub(super) fn describe(message: &str, text: &str, place: Option<Range<usize>>, s
 fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     let rest = message.strip_prefix("unknown field `")?;
     let (key, rest) = rest.split_once('`')?;
-    // Names are in backquotes, so every second part is a name.
+    // The message encloses each name in backquotes, so every second part is a name.
     Some((key, rest.split('`').skip(1).step_by(2).collect()))
 }
 

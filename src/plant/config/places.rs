@@ -1,6 +1,6 @@
-//! Positions in a plant file of errors that only the whole plant can detect.
+//! Positions in a plant file of errors that only a check of the whole plant can detect.
 //!
-//! The positions are searched after an error, so that settings need not store them.
+//! The positions are searched after an error has occurred, so that settings need not store them.
 
 use super::PlantError;
 use crate::devices::{BuildError, SettingError};
@@ -37,7 +37,7 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     found.map(|value| value.span().start)
 }
 
-/// All sections of a plant file by name, for many searches in one file.
+/// All sections of a plant file by name, for several searches in one file.
 pub(super) struct NamedSections<'a, 't>(HashMap<&'a str, Vec<&'a Value<'t>>>);
 
 impl<'a, 't> NamedSections<'a, 't> {
@@ -62,7 +62,8 @@ impl<'a, 't> NamedSections<'a, 't> {
     }
 }
 
-/// Returns the value at a path in a section, or in the table `drive` in it; the section itself if there is no value.
+/// Returns the value at a path in a section, or in the section's table `drive`. Returns the section itself if
+/// it has no such value.
 fn inside<'a, 't>(section: &'a Value<'t>, path: &str) -> &'a Value<'t> {
     let at = |section: &'a Value<'t>| path.split('.').try_fold(section, |it, key| it.get_ref().get(key));
     let own_drive = || section.get_ref().get("drive").and_then(at);
@@ -101,7 +102,8 @@ fn is_port_of(port: &str, slot: &str) -> bool {
     port.strip_prefix("slot") == Some(slot)
 }
 
-/// Returns the number of the later one of two devices on a bus. If that device has no number in the file, its bus.
+/// Of two devices with the same number on a bus, returns the number of the later one. If the file contains no
+/// number for that device, returns its bus.
 fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &str) -> Option<&'a Value<'t>> {
     let buses = sections_of(root, "bus").filter(|section| is_named(section, bus));
     let drives = buses.flat_map(|section| below(section.get_ref(), "drive"));

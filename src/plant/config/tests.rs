@@ -142,7 +142,7 @@ fn each_mistake_is_named() {
     }
 }
 
-/// Errors that only the whole plant can detect are reported with the line of the later entry.
+/// Errors that only a check of the whole plant can detect are reported with the line of the later entry.
 #[test]
 fn each_mistake_is_reported_with_its_line() {
     let plc = "[[plc]]\nname = 'p'\n";

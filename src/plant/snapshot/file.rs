@@ -6,8 +6,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, s
 
 /// First bytes of a snapshot file.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
-/// Number of the format. A change of the contents of a snapshot increments it. Every format begins with the magic, this
-/// number and the version of commram, and ends with the checksum of [`seal`].
+/// Number of the format. It is incremented when the contents of a snapshot change. Every format begins with
+/// the magic, this number and the version of commram, and ends with the checksum of [`seal`].
 pub(super) const FORMAT: u16 = 4;
 
 /// A snapshot with its plant.

@@ -1,4 +1,4 @@
-//! Any file is read to a snapshot or to an error, and a plant that has restored a snapshot continues.
+//! Any bytes of a file give a snapshot or an error. A plant that has restored a snapshot can continue.
 
 use super::file::FORMAT;
 use super::*;
@@ -29,7 +29,7 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     for len in 0..bytes.len() {
         assert!(SnapshotFile::of_bytes(&bytes[..len]).is_err(), "cut off at {len}");
     }
-    // Each bit of the header and up to the state, and some bits after it.
+    // Tests each bit up to the state, and some bits of the state and after it.
     let header = bytes.len() - file_state(&bytes);
     for at in (0..header).chain((header..bytes.len()).step_by(7)) {
         for bit in (0..8).filter(|bit| at < header || *bit == at % 8) {
@@ -41,7 +41,7 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     }
 }
 
-/// A change of what a snapshot holds of any device needs a new number of the format.
+/// If the contents of a snapshot change for any device, the format needs a new number.
 #[test]
 fn a_sample_of_the_format_can_be_read() {
     for known in devices::all() {
@@ -51,14 +51,15 @@ fn a_sample_of_the_format_can_be_read() {
             plant.advance_to(20_000);
             plant.snapshot_file().to_bytes()
         });
-        // A release increments the version, but does not change the format.
+        // A release has a new version number, but the same format.
         let bytes = with_header(&bytes, FORMAT, env!("CARGO_PKG_VERSION"));
         let file =
             SnapshotFile::of_bytes(&bytes).unwrap_or_else(|error| panic!("{}: {error}", known.layout.name));
         let mut plant = plant(&file.plant);
         let name = known.layout.name;
         match plant.restore(&file.snapshot) {
-            // If the registers have moved since the sample was written, it belongs to another plant.
+            // If the layout has moved registers since the sample was written, the sample belongs to another
+            // plant.
             Err(SnapshotError::OtherLayout { .. }) => {
                 panic!("{name}: the registers have moved: write a new sample")
             }
@@ -111,7 +112,7 @@ fn messages_name_no_types() {
     assert_eq!(error, "there is no readable value at byte 0 of the state");
 }
 
-/// Restores a possibly bad snapshot; returns whether it could.
+/// Tries to restore a snapshot that may be bad; returns true if the plant has accepted it.
 fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> bool {
     let is_taken = plant.restore(bad).is_ok();
     if is_taken {
