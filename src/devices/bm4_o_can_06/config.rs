@@ -39,7 +39,7 @@ pub(super) enum Work {
     ControllerSlave(Option<u16>),
     /// The module has no function: DIP switch 10 is at ON (decision D-648).
     InitError,
-    /// The module has no function: DIP switches 1 to 3 are at a code without a baud rate (p. 27, 31).
+    /// The module has no function: DIP switches 1 to 3 have a combination without a baud rate (p. 27, 31).
     UnknownBaudRate,
 }
 
@@ -52,16 +52,16 @@ pub struct ModuleConfig {
     pub kind: ModuleKind,
     /// Name of the port's bus, if the port is connected.
     pub bus: Option<String>,
-    /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
+    /// Slave number at DIP switches 4 to 8, 0 to 31. A BM4-O-CAN-06 has no slave number.
     pub dip: u8,
     /// DIP switch 9 of a BM4-O-CAN-05. True if it is ON: the module is then a slave with registers in the PLC.
     pub dip9: bool,
     /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None` for the baud rate of
     /// the bus.
     pub dip_baud: Option<u8>,
-    /// DIP switch 10. True for ON, but the switch must be OFF.
+    /// DIP switch 10. True for ON. The manual requires OFF.
     pub dip10: bool,
-    /// The module that receives the SYNC signal which this master passes on (decision D-12).
+    /// The module that provides the SYNC signal which this master passes on (decision D-12).
     pub sync_in_from: Option<&'static Port>,
     /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
     pub lock_time_us: u64,
@@ -90,7 +90,8 @@ impl ModuleConfig {
     }
 }
 
-/// DIP switches 3, 2 and 1 of a slave of the controller, with the baud rates in kbit/s that they name (p. 27).
+/// Combinations of DIP switches 3, 2 and 1 of a slave of the controller, each with its baud rate in kbit/s
+/// (p. 27).
 pub(super) const CONTROLLER_RATES: [(u8, u16); 4] = [(0b011, 125), (0b100, 250), (0b101, 500), (0b110, 1000)];
 
 /// A b maXX PLC of the plant file.
@@ -180,7 +181,7 @@ impl Bm4Config {
         self.modules.iter().find(|module| module.port.number == port.number)
     }
 
-    /// Returns a setting of a module that prevents its function.
+    /// Returns the setting of a module that prevents the module's function, if there is one.
     fn doubt_of(&self, module: &ModuleConfig) -> Option<Doubt> {
         let name = format!("{}:{}", self.name, module.port.name);
         let doubt = |key, text| Some(Doubt { section: name.clone(), key, text });
@@ -225,8 +226,8 @@ impl Bm4Config {
         }
     }
 
-    /// Returns a slave of the controller as a drive of its bus, called as `maxx:slotH`: with the mapping and the
-    /// parameters of a drive with CANsync card (decision D-649).
+    /// Returns a slave of the controller as a drive of its bus, with a name such as `maxx:slotH`. It has the
+    /// mapping and the parameters of a drive with CANsync card (decision D-649).
     pub(super) fn drive_of(&self, module: &ModuleConfig, kbit_s: Option<u16>) -> DriveConfig {
         let name = format!("{}:{}", self.name, module.port.name);
         DriveConfig {
@@ -241,7 +242,7 @@ impl Bm4Config {
 }
 
 impl ModuleSection {
-    /// Returns the module, and the slot that can give it a SYNC signal.
+    /// Returns the module, and the slot that can provide the SYNC signal for it.
     fn read(self, plc: &str) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
         let Some(port) = port_of(self.slot.get_ref()) else {
             let text = format!("there is no slot '{}'; slots are: {}", self.slot.get_ref(), slots());

@@ -1,5 +1,6 @@
-//! Front of the b maXX PLC around its modules: supply, start of the program, events. The manual of the modules
-//! describes only event 11 (p. 25); everything else is emulated as far as a program needs it (decision D-366).
+//! Front of the b maXX PLC outside its modules: supply, start of the program, events. The manual of the
+//! modules describes only event 11 (p. 25). The emulator has the other functions only to the extent that a
+//! program needs them (decision D-366).
 
 use crate::devices::Events;
 use crate::devices::program::Starts;
@@ -79,7 +80,7 @@ impl Front {
         FrontAction::Answered
     }
 
-    /// Follows an order of the board. No event occurs while the program is stopped (decision D-300).
+    /// Carries out an order of the board. No event occurs while the program is stopped (decision D-300).
     fn follow(&mut self, ordered: Option<Start>) {
         if let Some(kind) = ordered {
             self.events.held = kind == Start::Stop;
@@ -94,7 +95,7 @@ impl Front {
     }
 }
 
-/// Interrupt level of an event. There is only one event, so the level has no effect.
+/// Returns the interrupt level of an event. There is only one event, so the level has no effect.
 pub(super) fn level(event: usize) -> Option<u8> {
     (event == SYNC_EVENT).then_some(0)
 }

@@ -42,8 +42,8 @@ impl Leds {
         Leds { h: [h1, h2, h3, fault(can, takes_part)] }
     }
 
-    /// Returns the LEDs of a slave for the controller (p. 30-31): the slave waits for the master until SYNC has come
-    /// for the first time; `has_sync` is true after that.
+    /// Returns the LEDs of a slave for the controller (p. 30-31). The slave waits for the master until it has
+    /// received SYNC for the first time; from then on, `has_sync` is true.
     pub(super) fn of_controllers_slave(has_sync: bool, seen: LedConditions) -> Self {
         let LedConditions { interval_us, has_traffic, .. } = seen;
         if !has_sync {
@@ -54,14 +54,15 @@ impl Leds {
         Leds { h: [h1, h2, interval(interval_us), Led::Off] }
     }
 
-    /// Initialization has ended with an error (p. 29-30). On a slave for the PLC, H2 and H4 flash together; on a slave
-    /// for the controller, only H2 flashes.
+    /// Returns the LEDs after an initialization that has ended with an error (p. 29-30). On a slave for the
+    /// PLC, H2 and H4 flash together; on a slave for the controller, only H2 flashes.
     pub(super) fn of_init_error(is_for_plc: bool) -> Self {
         let h4 = if is_for_plc { Led::Flashes(1) } else { Led::Off };
         Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }
     }
 
-    /// A slave for the controller with DIP switches 1 to 3 at a code without a baud rate (p. 31).
+    /// Returns the LEDs of a slave for the controller if DIP switches 1 to 3 have a combination without a
+    /// baud rate (p. 31).
     pub(super) fn of_unknown_baud_rate() -> Self {
         Leds { h: [Led::Off, Led::InTurn, Led::Off, Led::InTurn] }
     }
@@ -77,7 +78,7 @@ impl Leds {
         u32::from_le_bytes(self.h.map(code))
     }
 
-    /// Returns the LEDs that a code of the header page means.
+    /// Converts a code of the header page to the LEDs.
     pub fn of_code(code: u32) -> Self {
         let led = |byte| match byte {
             0 => Led::Off,
@@ -89,13 +90,13 @@ impl Leds {
     }
 }
 
-/// Returns the state of H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
+/// Returns the state of H3: 1, 2, 4 or 8 flashes for an interval of 1, 2, 4 or 8 ms.
 fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
-/// Returns the state of H1. The LED is lit while the module waits for the program; then it flashes while frames pass.
-/// It is dark in BUS-off.
+/// Returns the state of H1. The LED is lit while the module waits for the program. From then on it flashes
+/// while frames pass. In BUS-off it is dark.
 fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
@@ -106,8 +107,8 @@ fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     }
 }
 
-/// Returns the state of H2 of a master, or of H4 of a slave: flashes in the case of a fault, which is BUS-off here
-/// (decision D-367).
+/// Returns the state of H2 of a master, or of H4 of a slave. The LED flashes in the case of a fault. The
+/// emulator treats only BUS-off as a fault (decision D-367).
 fn fault(can: &Cell16, takes_part: bool) -> Led {
     if takes_part && is_bus_off(can) { Led::Flashes(1) } else { Led::Off }
 }

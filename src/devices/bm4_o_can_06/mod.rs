@@ -1,5 +1,5 @@
-//! b maXX PLC with CANsync option modules BM4-O-CAN-06, a master, and BM4-O-CAN-05 with DIP switch 9 at ON, a slave, in slots G
-//! to M (manual 5.02066.01a).
+//! b maXX PLC with CANsync option modules in slots G to M (manual 5.02066.01a). A BM4-O-CAN-06 is a master. A
+//! BM4-O-CAN-05 with DIP switch 9 at ON is a slave.
 
 #[cfg(feature = "plc")]
 pub mod blocks;

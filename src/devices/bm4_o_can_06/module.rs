@@ -8,8 +8,8 @@ use crate::layout::Role;
 /// Names of the LEDs.
 const LEDS: [&str; 4] = ["H1", "H2", "H3", "H4"];
 
-/// DIP switches 1 to 3, in the word of the header page that has DIP switches 4 to 8 in its lowest five
-/// bits.
+/// Position of DIP switches 1 to 3 in the word of the header page that has DIP switches 4 to 8 in its lowest
+/// five bits.
 pub(super) const DIP_BAUD: u32 = 5;
 /// A BM4-O-CAN-05 with DIP switch 9 at OFF: the module has no registers, so only this bit shows its
 /// presence.

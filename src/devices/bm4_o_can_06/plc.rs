@@ -19,10 +19,11 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::snapshot_fields;
 
-/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s; used until it is connected to its bus.
+/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s. The slave has this value until it is
+/// connected to its bus.
 const UNPLUGGED_BAUD: u8 = 0b101;
 
-/// Time for which H1 shows a frame (decision D-367).
+/// Time for which H1 flashes after a frame (decision D-367).
 const TRAFFIC_US: u64 = 100_000;
 
 /// A module, as the PLC sees it.
@@ -32,13 +33,14 @@ struct Module {
     work: Work,
     /// True if DIP switch 9 is at ON, or the module is a master.
     has_registers: bool,
-    /// DIP switches 1 to 3, 9 and 10 as the header page has them.
+    /// DIP switches 1 to 3, 9 and 10, encoded as in the header page.
     other_switches: u32,
     regs: View<CANsync_PLC_INIT_BMSTRUCT>,
     /// Number at the DIP switches, as read at the last power-on.
     dip: u8,
     takes_part: bool,
-    /// Time of the last edge of its SYNC signal, and the interval before it.
+    /// Time of the last edge of the module's SYNC signal, and the interval between this edge and the previous
+    /// edge.
     edge: Option<(u64, u64)>,
     /// Time of the last frame that the port sent or received, in microseconds.
     last_frame: Option<u64>,
@@ -63,8 +65,8 @@ impl Module {
         })
     }
 
-    /// DIP switches of the module in the form of the header page. A slave of the PLC uses
-    /// only the switches of its number and switch 10.
+    /// Returns the DIP switches of the module as encoded in the header page. Of a slave of the PLC, only the
+    /// switches of the number and switch 10 have a function.
     fn switches(&self) -> u32 {
         let others = if self.has_registers { self.other_switches & DIP_10_ON } else { self.other_switches };
         u32::from(self.dip) | others
@@ -75,8 +77,8 @@ impl Module {
         self.number.index()
     }
 
-    /// Interval of the SYNC signal, if there is a signal. The signal ends after two and a half intervals without an
-    /// edge, like the lock of a slave.
+    /// Returns the interval of the SYNC signal, if there is a signal. The signal ends after two and a half
+    /// intervals without an edge, at the same time as the lock of a slave.
     fn interval_us(&self, now: u64) -> Option<u64> {
         let (at, interval) = self.edge?;
         (interval != 0 && (now - at) * 2 <= interval * 5).then_some(interval)
@@ -282,7 +284,8 @@ impl Device for Bm4Plc {
             module.edge = None;
             module.last_frame = None;
             if module.work == Work::InitError && module.has_registers {
-                // A module with an error at initialization has no firmware that would reset its registers.
+                // A module with an error at initialization has no firmware. So the reset of its registers is
+                // done here.
                 module.regs.reset_from(0);
             }
         }
@@ -330,7 +333,7 @@ impl DevicePorts for Bm4Plc {
         }
     }
 
-    /// Returns the DIP switches of a slave; a master has none.
+    /// Returns the DIP switches of a slave. A master has no DIP switches.
     fn address(&self, port: PortNumber) -> u8 {
         let module = self.modules.iter().find(|module| module.number == port);
         module.map_or(0, |module| module.dip)

@@ -39,7 +39,7 @@ fn the_module_in_the_slot_decides_which_structure_lies_there() {
     }
 }
 
-/// The firmware and the function blocks use only the family's structures.
+/// Firmware and function blocks use only the structures of the CANsync family, for both devices.
 #[test]
 fn one_typed_view_serves_both_devices() {
     let segment = Segment::heap(200_000);
@@ -52,7 +52,7 @@ fn one_typed_view_serves_both_devices() {
     assert_eq!(omega.w_OMEGA_NR.load(), 7);
 }
 
-/// Manual 5.02066.01a p. 47, 76: only the slave shows a number, and INIT is a common type for both.
+/// Manual 5.02066.01a p. 47, 76: only the slave shows a number. INIT is a type that both have in common.
 #[test]
 fn the_master_has_nothing_where_the_slave_shows_its_number() {
     let registers = |structure: &'static Structure, at: u32| {
@@ -99,7 +99,8 @@ fn deadlines_are_documented_at_1_mbit_only() {
     }
 }
 
-/// 5.02066.01a has its own pages for facts that it shares with 5.00005.03a.
+/// Manual 5.02066.01a and manual 5.00005.03a describe some common facts. The meanings of this device name the
+/// pages of 5.02066.01a.
 #[test]
 fn meanings_have_the_pages_of_this_manual() {
     let area = DEVICE.areas.first().unwrap();

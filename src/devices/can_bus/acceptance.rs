@@ -3,12 +3,12 @@
 
 use crate::can::Frame;
 
-/// Maximum number of arbitration fields in the cache; a power of two.
+/// Maximum number of arbitration fields in the cache. It must be a power of two.
 const KINDS: usize = 4096;
 /// Maximum number of receivers in the cache. If it is exceeded, the cache is cleared.
 const ROOM: usize = 1 << 16;
 
-/// The receivers of frames with one arbitration field, as a range of the list of takers.
+/// The receivers of frames with one arbitration field: a range in the cache's list of receivers.
 #[derive(Clone, Copy, Default)]
 struct KnownReceivers {
     field: u32,
@@ -85,7 +85,8 @@ mod tests {
         assert_eq!(receivers(&mut acceptance, 7), (vec![7, 8], 2));
         acceptance.forget();
         assert_eq!(receivers(&mut acceptance, 5), (vec![5, 6], 3));
-        // The maximum number of kinds, and more receivers than the maximum.
+        // Fills the cache with the maximum number of arbitration fields, and with more receivers than the
+        // maximum.
         for _ in 0..40 {
             for id in 0..0x7FE {
                 assert_eq!(receivers(&mut acceptance, id).0, [id, id + 1]);

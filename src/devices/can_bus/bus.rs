@@ -1,9 +1,9 @@
 //! The running bus.
 //!
-//! Times on the wire are exact to a nanosecond. The firmware of the ports runs at whole microseconds, like all firmware
-//! in a plant. If an event occurs within a microsecond, the firmware handles it at the end of this microsecond. A frame
-//! begins at the exact time at which the wire became free. Only frames that were queued before this time take part in
-//! its arbitration.
+//! Times on the wire are exact to a nanosecond. The firmware of the ports runs at whole microseconds, like
+//! all firmware in a plant. If an event occurs within a microsecond, the firmware handles it at the end of
+//! this microsecond. A frame begins at the exact time at which the wire becomes free. Only frames that are
+//! queued before that time take part in the arbitration.
 
 use super::FAMILY;
 use super::config::CanBusConfig;
@@ -35,11 +35,13 @@ pub struct CanBus {
     pub(super) stations: Stations,
     /// Number of guests that are leaving.
     pub(super) leaving: usize,
-    /// True if the sender of the frame on the wire was switched off during the frame. It may already be on again.
+    /// True if the sender of the frame on the wire was switched off during the frame. The sender may already
+    /// be on again.
     pub(super) sender_gone: bool,
-    /// True if a fault loses the frame on the wire: no station will receive it, and its sender does not notice.
+    /// True if a fault loses the frame on the wire: no station will receive the frame, and the sender does
+    /// not notice the loss.
     pub(super) is_lost: bool,
-    /// True if an error state may have changed and was not reported yet.
+    /// True if an error state may have changed and the change was not reported yet.
     pub(super) has_state_changes: bool,
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
@@ -194,8 +196,8 @@ impl Bus for CanBus {
         if core::mem::take(&mut self.has_state_changes) {
             self.report_states(now, world.journal);
         }
-        // Events on the wire are handled before the events of the ports, because they were due before the end of the
-        // microsecond.
+        // Events on the wire were due before the end of the microsecond. So the bus handles them before the
+        // events of the ports.
         if !self.wire_event(world) && !self.recover(now, world.journal) {
             let mut from = 0;
             while let Some(station) = self.stations.due(from, now) {
@@ -274,7 +276,7 @@ impl BusGuests for CanBus {
 }
 
 impl Faulty for CanBus {
-    /// Puts a working controller into BUS-off. All other faults of a port belong to its device.
+    /// Puts a working controller into BUS-off. The devices apply all other faults of their ports.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let origin = Origin { plc, node };

@@ -72,7 +72,7 @@ fn rate(kbit_s: f64) -> Option<BitRate> {
         return None;
     }
     let bit_s = (kbit_s * 1000.0).round();
-    // The decimal fraction in the file has no exact binary value.
+    // The decimal fraction in the file may have no exact binary value, so a small difference is allowed.
     ((kbit_s * 1000.0 - bit_s).abs() < 1e-6).then(|| BitRate::new(bit_s as u32)).flatten()
 }
 

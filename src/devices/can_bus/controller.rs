@@ -9,10 +9,11 @@ use std::collections::VecDeque;
 #[error("the transmit queue is full ({} frames)", Controller::ROOM)]
 pub struct QueueFull;
 
-/// A CAN controller: a transmit queue in order (decision D-355), acceptance filters and error counters.
+/// A CAN controller: a transmit queue that keeps the order of its frames (decision D-355), acceptance filters
+/// and error counters.
 #[derive(Debug, Default)]
 pub struct Controller {
-    /// Each frame with the time from which it can be sent, in ns.
+    /// Each frame with the earliest time at which it can be sent, in ns.
     queue: VecDeque<(u64, Frame)>,
     /// True if the first frame of the queue is on the wire.
     pub(super) is_sending: bool,
@@ -46,8 +47,8 @@ impl Controller {
     /// Maximum number of frames in the queue.
     pub const ROOM: usize = 64;
 
-    /// Appends a frame to the transmit queue. The first frame of the queue takes part in the next arbitration and stays
-    /// in the queue until it has arrived.
+    /// Appends a frame to the transmit queue. When it is the first frame of the queue, it takes part in each
+    /// arbitration, and it stays in the queue until it has arrived.
     ///
     /// # Errors
     /// [`QueueFull`].
@@ -59,7 +60,7 @@ impl Controller {
         Ok(())
     }
 
-    /// Discards the frames to be sent, except a frame that is on the wire.
+    /// Discards all frames of the queue, except a frame that is on the wire.
     pub fn discard(&mut self) {
         self.has_discarded |= !self.is_sending && !self.queue.is_empty();
         self.queue.truncate(self.is_sending.into());
@@ -107,7 +108,7 @@ impl Controller {
         self.filters.is_empty() || self.filters.iter().any(|filter| filter.accepts(frame))
     }
 
-    /// Returns the first frame of the queue and the time from which it can be sent, in ns.
+    /// Returns the first frame of the queue and the earliest time at which it can be sent, in ns.
     pub(super) fn front(&self) -> Option<&(u64, Frame)> {
         self.queue.front()
     }

@@ -13,9 +13,10 @@ use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
-/// Firmware of such a device. The whole firmware runs at the port.
+/// Firmware of a device with one CAN port. The whole firmware runs at the port.
 pub trait CanDevice: CanPort + Sized + 'static {
-    /// Registers of the device. Its first port of bus `can` is used.
+    /// Registers of the device. The first port for a bus of kind `can` in this layout connects the device to
+    /// its bus.
     const LAYOUT: &'static layout::DeviceLayout;
 
     /// Creates the firmware of a device with this image.

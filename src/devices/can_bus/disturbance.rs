@@ -12,7 +12,8 @@ impl CanBus {
         Owner::Bus(self.index)
     }
 
-    /// Fires the faults that can act on this frame; `fire` returns whether an effect has acted.
+    /// Applies the faults that can act on this frame. `fire` applies one effect and returns true if the
+    /// effect has acted.
     fn disturb_frame(&self, frame: &Frame, world: &mut World, mut fire: impl FnMut(FrameEffect) -> bool) {
         let field = frame.arbitration();
         world.faults.fire(world.now, self.owner(), world.journal, |_, effect, _| match *effect {
@@ -23,7 +24,7 @@ impl CanBus {
         });
     }
 
-    /// Performs one due event on the wire. Faults may hold back the frame that would begin.
+    /// Performs one due event on the wire. A fault may delay the frame that would begin now.
     #[cold]
     pub(super) fn advance_disturbed(&mut self, at_ns: u64, world: &mut World) -> Option<Event> {
         let mut withdrawn = None;
@@ -35,7 +36,7 @@ impl CanBus {
                     until_ns = Some((at_ns + u64::from(us) * 1000, true));
                     true
                 }
-                // The frame loses this arbitration and takes part in the next one.
+                // Because of the fault, the frame loses this arbitration. It takes part in the next one.
                 FrameEffect::LoseArbitration if until_ns.is_none() => {
                     until_ns = Some((at_ns + 1, false));
                     true
@@ -57,7 +58,7 @@ impl CanBus {
         }
     }
 
-    /// Called when a frame has begun. Decides with the faults whether the frame arrives undisturbed.
+    /// Called when a frame has begun. Applies the faults that decide whether the frame arrives undisturbed.
     #[cold]
     pub(super) fn disturb(&mut self, it: &OnWire, world: &mut World) {
         if it.fate != Fate::Arrives {
@@ -80,7 +81,7 @@ impl CanBus {
             wire.disturb();
         }
         if !is_copy {
-            // A frame that does not arrive is announced to the faults once more when its sender repeats it.
+            // If the frame does not arrive, its sender repeats it, and the faults then act on it again.
             self.stations.get_mut(it.sender).copies = copies;
         }
     }
@@ -99,7 +100,7 @@ impl CanBus {
         lost
     }
 
-    /// Switches a working controller to BUS-off; returns whether it worked.
+    /// Switches a working controller to BUS-off. Returns false if the controller was not working.
     pub(super) fn switch_off(&mut self, station: usize) -> bool {
         let is_plugged_in = self.wire.is_some();
         let end = self.stations.get_mut(station);

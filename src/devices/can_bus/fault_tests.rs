@@ -26,7 +26,7 @@ fn of_id(kind: &'static FaultKind, id: u64, us: Option<u64>, count: Option<u64>)
     draft.check().unwrap()
 }
 
-/// Three ports with a fault; the first port sends `frames` at 10 us.
+/// Returns three ports with a fault. The first port sends `frames` at 10 us.
 fn bench(frames: &[Frame], fault: Fault) -> Bench {
     of_two(frames, &[], fault)
 }
@@ -152,8 +152,8 @@ fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
     bench.run(10_000);
     assert_eq!(bench.lost(), [(17, (it, Fate::Withdrawn)), (17 + 24, (it, Fate::Withdrawn))]);
     assert_eq!(bench.marks(), [(10 + 2 * 24 + lasts(&it).0, 1)]);
-    // First all three stations have counted an error as receivers. Then the two other stations have received the frame
-    // and subtracted 1.
+    // All three stations first counted an error as receivers. Then the two other stations received the frame
+    // and decremented their counters.
     assert_eq!(bench.errors(), [(0, 2), (0, 1), (0, 1)]);
 }
 

@@ -54,8 +54,8 @@ impl CanBus {
         self.plan(now);
     }
 
-    /// Does the same as `begin_leaving`, but only if no other station can receive the guest's frames. A guest that has
-    /// just joined may not be alone yet.
+    /// Does the same as `begin_leaving`, but only if no other station can receive the guest's frames. A guest
+    /// that has just joined does not take part yet, so the only participating station may be another one.
     pub(super) fn begin_leaving_if_alone(&mut self, guest: u8, now: u64) {
         let is_member = |place: usize| self.stations.all()[place].member_since_ns.is_some();
         if self.present(guest).is_some_and(is_member) && self.stations.members() == 1 {
@@ -63,7 +63,8 @@ impl CanBus {
         }
     }
 
-    /// Removes the leaving guests that have nothing to send or no station to send it to.
+    /// Removes the leaving guests with an empty queue, and the leaving guests without a station that could
+    /// receive their frames.
     pub(super) fn remove_leaving_guests(&mut self, now: u64) {
         for place in 0..self.stations.all().len() {
             let end = &self.stations.all()[place];

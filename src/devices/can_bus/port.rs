@@ -24,7 +24,8 @@ pub trait CanPort: Send + SnapshotFields {
     /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller);
 
-    /// True if the program has written a register that the firmware must answer and has not polled yet.
+    /// True if the program has written a register that the firmware must answer, and the firmware has not
+    /// polled this register yet.
     fn has_changed(&self) -> bool {
         false
     }
@@ -63,8 +64,8 @@ pub trait CanPort: Send + SnapshotFields {
         let _ = (ctx, controller);
     }
 
-    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns the hit,
-    /// if the fault has hit.
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. If the
+    /// fault has an effect, returns the hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None

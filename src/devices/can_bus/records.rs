@@ -72,7 +72,7 @@ impl Part for ErrorState {
     }
 }
 
-/// Returns the reason for which a frame has not arrived: the word for programs, and the text.
+/// Returns the reason why a frame has not arrived: the word for programs, and the text.
 fn reason(fate: Fate) -> (&'static str, &'static str) {
     match fate {
         Fate::Arrives => ("arrives", "has arrived"),
@@ -193,7 +193,7 @@ mod tests {
         }
     }
 
-    /// The words of an event that a client could have changed.
+    /// Words of a record that a client could have changed: they contain an impossible length.
     #[test]
     fn an_event_with_nine_bytes_is_not_a_frame() {
         let sender = Origin { plc: DeviceIndex(0), node: PortNumber(1) };

@@ -29,15 +29,15 @@ pub(super) struct Station {
     pub(super) is_troubled: bool,
     /// The error state that was last reported.
     pub(super) reported: ErrorState,
-    /// Time until which the frame is held back, in ns.
+    /// Time until which a fault holds back the station's first frame, in ns.
     pub(super) held_until_ns: u64,
-    /// True if a fault has delayed this frame already.
+    /// True if a fault has already delayed the station's first frame.
     pub(super) is_delayed: bool,
-    /// Delays after which copies of the frame follow, in us.
+    /// Delays of the copies that follow the station's first frame, in us.
     pub(super) copies: Vec<u64>,
-    /// True if the frame has arrived already and is sent once more.
+    /// True if the station's first frame has already arrived and is sent once more.
     pub(super) is_copy: bool,
-    /// True if the journal already has a record that this frame was not acknowledged.
+    /// True if the journal already has a record that the station's first frame was not acknowledged.
     pub(super) is_unheard: bool,
 }
 
@@ -82,8 +82,8 @@ impl Station {
         Ok(Station::new(origin, area.first, port, Some(watch)))
     }
 
-    /// True if the station has taken part since `begin_ns`. If not, the station joined later and has missed a frame
-    /// that began at that time (decision D-356).
+    /// True if the station has taken part since `begin_ns`. A station that has joined later has missed a
+    /// frame that began at `begin_ns` (decision D-356).
     #[inline]
     pub(super) fn took_part_since(&self, begin_ns: u64) -> bool {
         self.member_since_ns.is_some_and(|since| since <= begin_ns)
@@ -98,8 +98,8 @@ impl Station {
         self.controller.clear();
     }
 
-    /// Called when the frame of this station has arrived. The intermission after it ends at `free_ns`. Returns true if
-    /// this is the first arrival of the frame.
+    /// Called when the frame of this station has arrived. The intermission that follows the frame ends at
+    /// `free_ns`. Returns true if this is the first arrival of the frame.
     pub(super) fn frame_is_through(&mut self, free_ns: u64) -> bool {
         let is_copy = self.is_copy;
         if self.copies.is_empty() {

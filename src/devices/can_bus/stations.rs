@@ -1,5 +1,6 @@
-//! The stations of a bus, with an index for each state: stations with a frame to send, stations with a due event,
-//! participating stations, stations with errors. So a frame takes time only for the stations that it affects.
+//! The stations of a bus, with lists of the stations in each state: stations with a frame to send, stations
+//! with a due event, participating stations, stations with errors. So a frame takes time only for the
+//! stations that it affects.
 
 use super::acceptance::Acceptance;
 use super::station::Station;
@@ -28,7 +29,7 @@ pub(super) struct Stations {
     acceptance: Acceptance,
     /// Number of stations that take part.
     members: usize,
-    /// Time at which the station that joined last began to take part, in ns.
+    /// Time at which the last station began to take part, in ns.
     last_came_ns: u64,
     /// Stations with error counters above 0.
     troubled: Vec<usize>,
@@ -227,7 +228,7 @@ impl Stations {
         !self.troubled.is_empty()
     }
 
-    /// Called when a frame begins at `begin_ns`. Before it, the wire has been recessive since `quiet_ns`.
+    /// Called when a frame begins at `begin_ns`. The wire was recessive from `quiet_ns` until then.
     pub(super) fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64) {
         let Some(rate) = self.rate else { return };
         for (_, recovery) in &mut self.recovering {
@@ -235,8 +236,8 @@ impl Stations {
         }
     }
 
-    /// Returns the station that returns from BUS-off first, and the time in ns, if the wire is recessive since
-    /// `quiet_ns`.
+    /// Returns the station that returns from BUS-off first, and the time in ns. The result is valid if the
+    /// wire has been recessive since `quiet_ns` and stays recessive.
     pub(super) fn next_back(&self, quiet_ns: u64) -> Option<(u64, usize)> {
         let rate = self.rate?;
         self.recovering.iter().map(|(station, recovery)| (recovery.end_ns(quiet_ns, rate), *station)).min()
@@ -264,8 +265,8 @@ impl SnapshotFields for Stations {
             has_changed,
             has_held,
         } = self;
-        // The snapshot also contains disconnected guests, which are still stations. The ports are stations before the
-        // snapshot is loaded.
+        // The snapshot also contains disconnected guests, because their entries are still stations. The ports
+        // need no entry: they are stations before the snapshot is loaded.
         let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
         to.value(&guests);
         ends.save(to);

@@ -18,10 +18,11 @@ const MOST: usize = 4;
 /// Reports of the ports. Each has the station, the time, the event and the first data byte.
 type Log = Arc<Mutex<Vec<(u16, u64, &'static str, u8)>>>;
 
-/// Filters of a port, and the frames that it queues with their times, ascending.
+/// Filters of a port, and the frames that the port queues. The frames are in ascending order of their times.
 type Script = (Vec<Filter>, Vec<(u64, Frame)>);
 
-/// A port that sends frames at given times and notes their fates; the first data byte identifies a frame.
+/// A port that sends frames at given times and notes what happens to them. The first data byte identifies a
+/// frame.
 struct Scripted {
     station: u16,
     log: Log,
@@ -93,7 +94,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// Returns a bus at `bit_s` with ports that run these scripts, all on.
+    /// Returns a bus at `bit_s` with ports that run these scripts. All ports are switched on.
     pub(super) fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
         let bus =
@@ -133,7 +134,7 @@ impl Bench {
         self.bus.plan(now);
     }
 
-    /// Lets a port put a frame into its queue at `now`, after everything that is due before.
+    /// Runs all events before `now`, then lets a port put a frame into its queue at `now`.
     pub(super) fn send(&mut self, station: usize, now: u64, frame: Frame) {
         self.run(now - 1);
         self.bus.run(station, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
@@ -177,8 +178,8 @@ fn a_frame_arrives_at_its_end_and_is_recorded_before_answers() {
     assert_eq!(bench.bus.next_time(), u64::MAX);
 }
 
-/// At 33.3 kbit/s no bit lasts a whole microsecond. A hundred frames in a row show whether only the journal rounds
-/// times.
+/// At 33.3 kbit/s no bit lasts a whole number of microseconds. If more than the journal rounded its times, a
+/// hundred frames in a row would show this.
 #[test]
 fn times_on_the_wire_are_rounded_for_the_journal_only() {
     let rate = BitRate::new(33_300).unwrap();
@@ -202,15 +203,15 @@ fn the_lower_identifier_goes_first_and_a_late_frame_waits() {
     bench.run(9);
     assert_eq!(bench.bus.next_time(), 10);
     bench.run(100_000);
-    // The first port's firmware runs first, but frames that are queued in the same microsecond begin in the same
-    // arbitration.
+    // The firmware of the first port runs first. However, frames that are queued in the same microsecond take
+    // part in the same arbitration.
     let order: Vec<_> =
         bench.frames().iter().map(|(_, it, sender)| (it.payload().data()[0], *sender)).collect();
     assert_eq!(order, [(1, 1), (1, 1), (2, 0)]);
 }
 
-/// The wire is free within a microsecond; a frame that is queued at the end of the microsecond does not take part in
-/// the arbitration before it.
+/// The wire becomes free within a microsecond. A frame that is queued at the end of this microsecond is too
+/// late for the arbitration.
 #[test]
 fn a_frame_takes_part_from_the_time_at_which_it_was_queued() {
     let rate = BitRate::new(666_600).unwrap();
@@ -277,8 +278,8 @@ fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     bench.bus.power_off(0, 110, &mut bench.journal);
     bench.bus.power_on(0, 0, 120, &mut bench.journal);
     bench.run(100_000);
-    // The switched-off sender leaves the bus recessive. Two recessive bits have begun, and after six recessive bits the
-    // receivers detect an error.
+    // When the sender is switched off, two recessive bits have begun. From then on the bus stays recessive.
+    // After six recessive bits the receivers detect an error.
     let lost = (100 + 8 * 8, (it, Fate::SenderGone));
     assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![lost], vec![]));
     assert_eq!(bench.errors(), [(0, 0), (0, 1)]);
@@ -297,8 +298,8 @@ fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
 fn a_bus_off_station_returns_after_128_times_eleven_bits() {
     let mut bench = with_one_off(Vec::new());
     bench.run(100_000);
-    // The frame is cut off. For the other stations the bus is then busy for six more bits; the error flag and the rest
-    // of the frame do not count.
+    // The sender is switched off during the frame, at 50 us. For the other stations the bus is then busy for
+    // six more bits. The error flag and the rest of the frame do not count.
     let cut = 50 + 6;
     let back = cut + 6 + 128 * 11;
     let end = back + wire::airtime(&frame(0x100, 7), BitRate::new(1_000_000).unwrap()).delivery_ns / 1000;
@@ -322,8 +323,8 @@ fn frames_of_others_delay_the_return() {
     let bits = u64::from(wire::bits(&it));
     let mut bench = with_one_off((0..40).map(|_| (1000, it)).collect());
     bench.run(100_000);
-    // There are 85 runs before the frames, one after each frame, and three at the end. The last frame has begun the
-    // first of these three.
+    // 85 sequences of recessive bits pass before the frames, one at the end of each frame (its last eight
+    // bits and the intermission), and three after the last frame.
     let before = (1000 - 62) / 11;
     let back = 1000 + 40 * bits + (128 - before - 40) * 11;
     let log = bench.log();

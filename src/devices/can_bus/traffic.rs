@@ -28,8 +28,8 @@ impl CanBus {
         }
     }
 
-    /// Called when a station has begun or ceased to take part: checks whether the frame on the wire still has a sender
-    /// and receivers.
+    /// Called when a station has begun or ceased to take part. Checks whether the frame on the wire still has
+    /// a sender and receivers.
     fn check_frame_on_wire(&mut self, now_ns: u64) {
         let Some(wire) = &mut self.wire else { return };
         let Some(it) = wire.on_wire().copied() else { return };
@@ -41,7 +41,7 @@ impl CanBus {
         }
     }
 
-    /// Performs one due event on the wire; returns whether there was one.
+    /// Performs one due event on the wire. Returns true if an event was due.
     pub(super) fn wire_event(&mut self, world: &mut World) -> bool {
         let now_ns = world.now * 1000;
         let Some(wire) = &mut self.wire else { return false };
@@ -83,7 +83,8 @@ impl CanBus {
         if self.stations.has_errors() {
             self.stations.count_good(it.sender, it.begin_ns);
         }
-        // If the sender was switched off after the checksum was sent, the frame arrives although its sender is gone.
+        // If the sender is switched off after the checksum, the frame still arrives. Its sender is then not
+        // notified.
         let is_news = !self.sender_gone && self.stations.get_mut(it.sender).frame_is_through(it.free_ns);
         self.deliver(it, is_news, world);
         self.settle(it.sender, it.end_ns);
@@ -133,7 +134,8 @@ impl CanBus {
     fn failed(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         self.stations.get_mut(it.sender).controller.is_sending = false;
-        // A station alone on the bus repeats its frame without a limit.
+        // A station alone on the bus repeats its frame without a limit. The journal records only the first
+        // attempt.
         let unheard = it.fate == Fate::NotAcknowledged;
         let is_known = core::mem::replace(&mut self.stations.get_mut(it.sender).is_unheard, unheard);
         if !(unheard && is_known) {
@@ -151,7 +153,7 @@ impl CanBus {
         self.report_states(now, journal);
     }
 
-    /// Reports the changed error states, to the journal first.
+    /// Reports the changed error states, first to the journal, then to the firmware.
     pub(super) fn report_states(&mut self, now: u64, journal: &mut Journal) {
         if !self.stations.has_errors() {
             return;
@@ -181,7 +183,8 @@ impl CanBus {
         true
     }
 
-    /// Returns the station that returns from BUS-off first, and the time in ns, if no frame begins before.
+    /// Returns the station that returns from BUS-off first, and the time in ns. The result is valid if no
+    /// frame begins before this time.
     pub(super) fn next_back(&self) -> Option<(u64, usize)> {
         self.stations.next_back(self.wire.as_ref()?.quiet_ns()?)
     }

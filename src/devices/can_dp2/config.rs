@@ -50,7 +50,7 @@ impl CanDp2Config {
         let switches = match switches {
             None => 3,
             Some(set) => {
-                // A value below 0 is out of range, too, so it becomes the largest number.
+                // A negative value becomes the largest number, so that the range check refuses it, too.
                 let value = u64::try_from(*set.get_ref()).unwrap_or(u64::MAX);
                 range("switches", &name, value, 0..=0xFF, "0x00 to 0xFF")
                     .map_err(|error| refused_at(set.span(), error.to_string()))?;

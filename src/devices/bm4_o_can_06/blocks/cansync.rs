@@ -3,8 +3,9 @@
 use crate::devices::bm4_o_can_06::registers::BAUD_RATES;
 use crate::devices::cansync::blocks::{init, par_ma, pd_comm_read, pd_comm_sl, updownload_ma};
 
-/// Bits 2 and 3 of `b_ERR` of `CANsync_PAR_READ_MA` (p. 139): the format that was expected at `x_PAR_FORMAT`. The block
-/// also shows the value and the format of an answer with another format (decision D-336).
+/// Bits 2 and 3 of `b_ERR` of `CANsync_PAR_READ_MA` (p. 139): the format that the block expected, according
+/// to `x_PAR_FORMAT`. If an answer has another format, the block still outputs the value and the format of
+/// this answer (decision D-336).
 const DOUBLEWORD_EXPECTED: u8 = 1 << 2;
 const WORD_EXPECTED: u8 = 1 << 3;
 

@@ -10,9 +10,9 @@ pub mod initialisation {
     pub const OFF: u16 = 0;
     /// The list is finished.
     pub const DONE: u16 = 1;
-    /// The list, a window or a data block is missing.
+    /// The list, the window or a data block does not exist.
     pub const NO_LIST: u16 = 2;
-    /// The device has refused an entry; the number of the entry, from 0, is added.
+    /// The device has refused an entry. The result is this value plus the number of the entry, from 0.
     pub const REFUSED: u16 = 0x8000;
     /// The block is running (p. 77).
     pub const RUNS: u16 = 0xFFFF;
@@ -57,9 +57,9 @@ pub struct List {
 }
 
 function_block! {
-    /// Initialises a CANopen device by the list at `offset` of `init_db` (p. 76). The block stores the data that it
-    /// reads in the list, high byte first, like data to write. Other users of the window must wait until the block has
-    /// finished.
+    /// Initialises a CANopen device by the list at `offset` of `init_db` (p. 76). If an entry reads data, the
+    /// block stores the data in the entry, high byte first, in the same form as data to write. Other users of
+    /// the window must wait until the block has finished.
     pub struct FB1(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
             /// TRUE starts the initialisation; FALSE ends it.
@@ -181,7 +181,7 @@ impl FB1 {
 
     /// Stores data that were read in the list.
     fn store(&self, command: u8, data: [u8; 4], data_blocks: &mut DataBlocks) -> bool {
-        // An entry can store data only if the transfer is expedited and its length is given.
+        // An entry has room for the data only if the transfer is expedited and gives the length of the data.
         if command & 0x03 != 0x03 {
             return false;
         }

@@ -14,7 +14,7 @@ const TX: u16 = 2;
 const RX: u16 = 3;
 const DATA: u16 = 4;
 
-/// ERROR: a data block has no end or no room, or a record has an invalid length (D-469).
+/// ERROR: a data block has no end mark or is too small, or a record has an invalid length (D-469).
 const BAD_DATA_BLOCK: u8 = 16;
 
 /// ERROR: no page at the given addresses (D-469).
@@ -28,7 +28,7 @@ enum Page {
     Start,
     /// Page 1 was received.
     Sized,
-    /// Definitions of sent identifiers: the page with this number, from 0.
+    /// The page with this number, from 0, of the definitions of sent identifiers.
     Tx(u16),
     /// Definitions of received identifiers.
     Rx(u16),
@@ -55,8 +55,8 @@ function_block! {
     /// Page mode: defines the sent and received identifiers, then exchanges data continuously (p. 61-69).
     pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// With FALSE the block exchanges pages 0 and 1. With TRUE it then exchanges all other pages, beginning
-            /// with the first.
+            /// With FALSE the block exchanges pages 0 and 1 only. With TRUE it then also exchanges the other
+            /// pages, beginning with the first.
             FREIGABE: bool;
             /// First output of the page.
             WRITE_ADDRESS: u16;
@@ -74,8 +74,8 @@ function_block! {
         out {
             /// Pages in transfer: 0 none, 2 definitions of sent identifiers, 3 of received identifiers, 4 data.
             RET_VALUE: u16;
-            /// Reason of a stop: 1 to 4 as reported by the gateway, 16 a data block is wrong, 17 no page at the
-            /// addresses; defined by commram.
+            /// Reason of a stop: 1 to 4 as reported by the gateway; 16: a data block is wrong; 17: no page at
+            /// the addresses. commram defines 16 and 17.
             ERROR: u8;
         }
         internal: Paging;
@@ -87,7 +87,7 @@ fn segments(octets: usize) -> Vec<Range<usize>> {
     (0..octets).step_by(SEGMENT).map(|first| first..octets.min(first + SEGMENT)).collect()
 }
 
-/// Returns the records of a configuration, from this data block on (p. 62-65).
+/// Returns the records of a configuration, which begins in data block `block` (p. 62-65).
 fn records(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<[u8; RECORD]>> {
     let (mut records, mut offset) = (Vec::new(), 0);
     loop {
@@ -109,7 +109,7 @@ struct DataPosition {
     length: usize,
 }
 
-/// Returns the data positions of all identifiers, from this data block on (p. 66-69).
+/// Returns the data positions of all identifiers, which begin in data block `block` (p. 66-69).
 fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<DataPosition>> {
     let (mut cells, mut offset) = (Vec::new(), 0);
     loop {
@@ -256,10 +256,10 @@ impl FB2 {
         }
     }
 
-    /// Sends page `number` with this content, in all its segments, under the next counter.
+    /// Sends page `number` with this content in all segments of the page, with the next counter.
     fn send(&mut self, page: u16, carried: &[u8], peripherals: &mut Peripherals) {
         let Some(head) = peripherals.read::<HEAD>(self.READ_ADDRESS) else { return self.fail(NO_PAGE) };
-        // 0 is not a counter, so cleared outputs are not a page.
+        // 0 is not a counter value, so outputs that were cleared to 0 do not count as a page.
         let counter = if head[COUNTER] == u8::MAX { 1 } else { head[COUNTER] + 1 };
         // The first page is sent before the size of pages is known.
         let segments = match &self.internal.outputs[..] {

@@ -4,13 +4,14 @@
 use super::{DataBlocks, FB1, FB2, Peripherals, initialisation};
 use crate::plc::{Shared, function_block};
 
-/// Maximum number of motors. The next constants are the number of bytes of each motor in the list of motors and in the
-/// block of their data (p. 83-86).
+/// Maximum number of motors. The next two constants are the number of bytes of a motor in the list of motors,
+/// and in the data block of the motors (p. 83-86).
 const MOTORS: u16 = 127;
 const IN_LIST: usize = 8;
 const IN_DATA: usize = 16;
 
-/// Value in the list of motors for a motor that exists and has no list; the value for a missing motor is 0 (p. 76).
+/// Value in the list of motors for a motor that exists but has no list of SDOs. For a missing motor, the
+/// value is 0 (p. 76).
 const NO_LIST: u16 = 0xFFFF;
 
 /// Number of bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word
@@ -43,8 +44,8 @@ pub struct Motors {
 }
 
 function_block! {
-    /// Controls up to 127 motors. The block sends the values that a program writes to DATEN_DB, and stores the values
-    /// that the motors send there (p. 81, 85).
+    /// Controls up to 127 motors. The block sends the values that a program writes to DATEN_DB. It stores the
+    /// values that the motors send in DATEN_DB, too (p. 81, 85).
     pub struct FB3(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
             /// TRUE runs the block; FALSE restarts it.
@@ -55,9 +56,10 @@ function_block! {
             DATEN_DB: u16;
         }
         out {
-            /// 0: off; 1: motors are being initialised; other values as of FB2. From 2 on the window is free (p. 81).
+            /// 0: off; 1: motors are being initialised; other values as in FB2. From 2 on, other users may
+            /// use the window (p. 81).
             RET_VALUE: u16;
-            /// `ERROR` of FB2; 16: a data block is missing; defined by commram.
+            /// `ERROR` of FB2. The value 16, which commram defines, also means that a data block is missing.
             ERROR: u8;
         }
         internal: Motors;
@@ -112,7 +114,8 @@ impl FB3 {
         Some(())
     }
 
-    /// Initialises the next motor that has a list. The result is stored after the list number (p. 77, 83).
+    /// Initialises the next motor that has a list. The result is stored in the list of motors, after the
+    /// motor's list number (p. 77, 83).
     fn initialise(
         &mut self,
         data_blocks: &mut DataBlocks,

@@ -12,7 +12,7 @@ const COUNTER: usize = 13;
 /// The command that reads a frame (p. 42).
 const RECEIVE: u8 = 3;
 
-/// Value in place of the identifier until a frame is received (p. 41).
+/// Value in the window instead of an identifier while no frame is received (p. 41).
 const NOTHING: [u8; 2] = [0xEE; 2];
 
 /// No window exists at one of the addresses; defined by commram.
@@ -23,19 +23,21 @@ const NO_WINDOW: u16 = 1;
 pub(super) struct Transfer {
     /// Counter of the expected answer.
     waits_for: Option<u8>,
-    /// Counter of a command 3 that has not returned a frame yet. The next frame will be shown with this counter.
+    /// Counter of a command 3 that has not returned a frame yet. The window will show the next frame with
+    /// this counter.
     reads: Option<u8>,
-    /// A frame that the window has shown after a delay, and that was not read yet.
+    /// A frame that the window has shown with a delay, and that the block has not returned yet.
     found: Option<[u8; WINDOW]>,
 }
 
 impl Transfer {
-    /// Stops waiting for an answer of the gateway.
+    /// Stops waiting for the answer of the gateway.
     fn abandon(&mut self) {
         self.waits_for = None;
     }
 
-    /// Keeps a frame that a command 3 has shown after a delay, because the next order would overwrite it.
+    /// Keeps a frame that the window has shown with a delay as the answer to a command 3. Otherwise the next
+    /// order would overwrite the frame.
     fn look(&mut self, window: [u8; WINDOW]) {
         if self.reads == Some(window[COUNTER]) && !window.starts_with(&NOTHING) {
             (self.found, self.reads) = (Some(window), None);
@@ -71,7 +73,7 @@ impl Transfer {
         if !is_reading {
             return Ok(Some(window));
         }
-        // The delayed frame is older, so it is returned first.
+        // The delayed frame is older than the answer, so it is returned first.
         let first = self.found.take();
         if first.is_some() && !has_nothing {
             self.found = Some(window);
@@ -104,7 +106,7 @@ function_block! {
     /// is one transfer.
     pub struct FB4(peripherals: Shared<Peripherals>) {
         in {
-            /// TRUE starts a transfer. After FALSE, the next transfer can start.
+            /// TRUE starts a transfer. The next transfer can start when the value has been FALSE in between.
             FREIGABE: bool;
             /// Sends the order of WRITE_COMMAND.
             WRITE_ENABLE: bool;
@@ -217,8 +219,8 @@ impl FB4 {
         self.internal.step = TransferStep::Over;
     }
 
-    /// Continues an order in one cycle, and returns the window once when it contains the answer. If no window exists at
-    /// the addresses, the transfer is over.
+    /// Continues an order in one cycle, and returns the window once when it contains the answer. If no window
+    /// exists at the addresses, ends the transfer.
     fn transfer(&mut self, peripherals: &mut Peripherals, order: [u8; WINDOW]) -> Option<[u8; WINDOW]> {
         let has_inputs = peripherals.read::<WINDOW>(self.READ_ADDRESS).is_some();
         let addresses = (self.WRITE_ADDRESS, self.READ_ADDRESS);

@@ -33,9 +33,9 @@ pub struct Master {
 }
 
 function_block! {
-    /// Exchanges outputs and inputs with the gateway, with at most one request per call. The block uses the registers
-    /// of the DP master without a stack. In a real PLC the CPU exchanges the data without the program, so commram
-    /// defines this block. A program calls it once in each cycle.
+    /// Exchanges outputs and inputs with the gateway, with at most one request per call. The block uses the
+    /// registers of the DP master without a stack. A program calls it once in each cycle. In a real PLC the
+    /// CPU exchanges the data, not the program. So no manual describes this block; commram defines it.
     pub struct DP_MASTER(mst: Base<CAN_DP2_MST>, peripherals: Shared<Peripherals>) {
         in {
             /// TRUE enables the exchange; FALSE restarts it.
@@ -92,7 +92,7 @@ impl DP_MASTER {
         self.internal.is_asked = true;
     }
 
-    /// Evaluates an ended request; returns the next step.
+    /// Evaluates the result of a request; returns the next step.
     fn answered(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) -> MasterStep {
         let result = mst.mst_result.load();
         let reply = mst.mst_reply.iter().take(mst.mst_reply_len.load().into()).map(|cell| cell.load());

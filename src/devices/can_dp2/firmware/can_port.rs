@@ -10,8 +10,8 @@ use crate::devices::can_dp2::registers::FRONT_LED_C;
 use crate::devices::can_dp2::registers::values::{bus_state, can_state, led_c};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A bit rate that no bus has. The controller has this rate before the start of data exchange, because the device does
-/// not take part in CAN until then (p. 12).
+/// A bit rate that no bus has. The controller has this rate until data exchange starts, because the device
+/// does not take part in CAN until then (p. 12).
 const NO_RATE: u32 = 0;
 
 /// The firmware on CAN.
@@ -57,7 +57,8 @@ impl CanSide {
     }
 }
 
-/// The snapshot of this port includes the gateway, which both ports share. The other port does not save it.
+/// Both ports share the gateway. The snapshot of this port includes the gateway; the snapshot of the other
+/// port does not.
 impl SnapshotFields for CanSide {
     fn save(&self, to: &mut Saving) {
         let Self { registers: _, gateway, recorded_state } = self;
@@ -104,7 +105,8 @@ impl CanPort for CanSide {
         self.show(ctx, controller);
     }
 
-    /// Maps the error state to the states of p. 20. The controller returns from BUS-off by itself (D-395).
+    /// Converts the error state of the controller to the states of p. 20. The controller returns from BUS-off
+    /// by itself (D-395).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         lock(&self.gateway).set_bus(match state {
             ErrorState::Active => bus_state::OK,

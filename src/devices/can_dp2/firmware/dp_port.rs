@@ -69,20 +69,20 @@ impl DpPort {
         let state = slave.state();
         let is_exchanging = state == dp_state::DATA_EXCHANGE;
         self.registers.shown(FRONT_LED_D).store(if is_exchanging { led_d::ON } else { led_d::DARK });
-        // Codes 1 to 4 are the states in their order (p. 15).
+        // Codes 1 to 4 are the states of the LED in the order of p. 15.
         self.registers.shown(FRONT_LED_E).store(if is_exchanging { led_e::DARK } else { state.into() });
         done
     }
 }
 
-/// Reports a rule violation by the position of the switches.
+/// Reports that the position of the switches violates a rule.
 fn find_switches(ctx: &mut Context, rule: &'static Rule, value: u32) {
     if let Some(front) = DEVICE.front_area {
         find(ctx, rule, front.first + 4 * FRONT_SWITCHES as u32, value);
     }
 }
 
-/// Reports a rule violation at byte `offset` of the image.
+/// Reports that the register at byte `offset` of the image violates a rule.
 fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
     let (plc, live) = (ctx.origin.plc, RegisterPhase::ALWAYS);
     ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
@@ -130,7 +130,7 @@ impl ProfibusPort for DpPort {
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
         let now = ctx.now;
-        // Another station has answered with this station's address, without a collision.
+        // Another station has answered with this station's address, and the answers did not collide.
         if let (Telegram::Frame(frame), Some(slave)) = (telegram, &self.slave)
             && frame.sa == slave.address()
             && FunctionCode::is_answer(frame.fc)

@@ -1,8 +1,8 @@
 //! Byte order between a PLC and CAN (p. 36).
 
-/// Swaps bytes of `data` by the format byte `form`, where bit 7 belongs to the first byte. A sequence of 1 bits,
-/// together with the 0 bit that ends it, marks a group of bytes. The order of the bytes in the group is reversed. A
-/// group ends with the data at the latest (D-376). A second call restores the data.
+/// Swaps bytes of `data` according to the format byte `form`. Bit 7 of `form` belongs to the first byte of
+/// the data. A sequence of 1 bits and the 0 bit that ends it mark a group of bytes. The order of the bytes in
+/// a group is reversed. A group ends with the data at the latest (D-376). A second call restores the data.
 pub(in crate::devices::can_dp2) fn swap(form: u8, data: &mut [u8]) {
     let mut first = 0;
     while first < data.len() {

@@ -1,7 +1,7 @@
 //! The gateway on CAN: converts outputs to frames and frames to inputs, and starts the CAN side (p. 13, 28-49).
 //!
-//! Both ports share the gateway. The DP slave reports each data exchange. The CAN port reports each frame and the time,
-//! and takes the frames to send.
+//! Both ports share the gateway. The DP slave reports each data exchange to the gateway. The CAN port reports
+//! each frame and the time, and takes the frames to send from it.
 
 use super::modules::{Configuration, Module, ModuleFunction, WINDOW};
 use super::pages::Pages;
@@ -30,7 +30,8 @@ mod start;
 struct Setup {
     parameters: Parameters,
     configuration: Configuration,
-    /// Outputs at the last transmission, or at the moment when they would have been sent.
+    /// Outputs at the last transmission. While the gateway sends nothing, the outputs at the last moment at
+    /// which it would have sent them.
     outputs: Vec<u8>,
     /// Time of the next transmission of each module, in us.
     cycles: Vec<Option<u64>>,
@@ -52,7 +53,7 @@ pub(in crate::devices::can_dp2) struct Gateway {
     wake_at: Option<u64>,
     /// Time of the next SYNC object, in us.
     sync_at: Option<u64>,
-    /// True if a SYNC object waits until the frames before it were sent (p. 44).
+    /// True if a SYNC object waits until all frames before it have been sent (p. 44).
     sync_waits: bool,
     window: Window,
     pages: Option<Pages>,
@@ -155,7 +156,7 @@ impl Gateway {
         self.frames.len() < WAITING
     }
 
-    /// Queues a frame to send; the frame is lost if the queue is full.
+    /// Queues a frame to send. If the queue is full, the frame is lost.
     fn push(&mut self, frame: Frame) {
         if self.has_room() {
             self.frames.push_back(frame);
@@ -164,7 +165,8 @@ impl Gateway {
         }
     }
 
-    /// Begins data exchange with these parameters and modules. Frames of outputs wait for the first outputs.
+    /// Begins data exchange with these parameters and modules. The gateway sends no frames of outputs before
+    /// the first outputs have arrived.
     pub(in crate::devices::can_dp2) fn begin(
         &mut self,
         parameters: &Parameters,
@@ -183,7 +185,8 @@ impl Gateway {
         let (has_output, role) = (configuration.has_output(), parameters.role());
         self.setup = Some(setup);
         self.state = match role {
-            // Manual p. 32: if there is no output, the DP controller does not notify the firmware, so CAN stays off.
+            // Manual p. 32: without outputs in the configuration, the DP controller does not notify the
+            // firmware, so CAN stays off.
             _ if !has_output => can_state::OFF,
             Role::Layer2 => can_state::WORKING,
             Role::Master | Role::Slave(_) => {
@@ -218,8 +221,8 @@ impl Gateway {
         }
     }
 
-    /// Clears the outputs (D-387). Cleared outputs are not data: a start that waits for the first outputs keeps
-    /// waiting.
+    /// Clears the outputs (D-387). Cleared outputs do not count as outputs of a data exchange: a start that
+    /// waits for the first outputs still waits.
     pub(in crate::devices::can_dp2) fn cleared(&mut self, now: u64) {
         if self.has_outputs
             && let Some(setup) = &self.setup
@@ -382,14 +385,15 @@ impl Gateway {
         let nmt = matches!(parameters.role(), Role::Slave(_)).then_some(Id::Standard(StandardId::ZERO));
         let mut filters: Vec<Filter> = ids.chain(nmt).map(|id| Filter::exactly(id).data_only()).collect();
         if filters.is_empty() {
-            // A controller without filters would receive all frames. No frame that can occur passes this filter.
+            // A controller without filters would receive all frames, so there is always this filter. No frame
+            // on the bus passes it.
             filters.push(Filter::exactly(ExtendedId::MAX).data_only());
         }
         Some((parameters.can_bit_s(), filters))
     }
 
-    /// Returns whether the CAN controller must discard the frames that it has not sent yet (D-386), once for each end
-    /// of data exchange.
+    /// Returns true if the CAN controller must discard the frames that it has not sent yet (D-386). The
+    /// result is true once for each end of data exchange.
     pub(in crate::devices::can_dp2) fn take_emptied(&mut self) -> bool {
         core::mem::take(&mut self.is_emptied)
     }

@@ -1,5 +1,5 @@
-//! A DP master without a stack: a program writes registers, and the master sends the request to the slave. One request
-//! at a time.
+//! A DP master without a stack: a program writes registers, and the master sends the request to the slave.
+//! Only one request can run at a time.
 
 use super::ram::fill;
 use crate::devices::Context;
@@ -37,9 +37,10 @@ pub(in crate::devices::can_dp2) struct Master {
     registers: View<CAN_DP2_MST>,
     header: View<Header>,
     pending: Option<Pending>,
-    /// Frame count bit of the last request; `None` if the next request counts as the first request to the slave.
+    /// Frame count bit of the last request. `None` if the next request counts as the first request to the
+    /// slave.
     fcb: Option<bool>,
-    /// Address of the last request; `None` if there was none since power-on.
+    /// Address of the last request; `None` if there was no request since power-on.
     last_address: Option<u8>,
 }
 
@@ -93,8 +94,9 @@ impl Master {
                     dsap.into(),
                 );
             }
-            // If the slave has answered before, the frame count bit of the next request tells new requests from
-            // repetitions. If it has not answered, the slave takes the next request for the first one.
+            // If the slave has answered this request, the frame count bit lets it distinguish the next
+            // request from a repetition. If it has not answered, the slave takes the next request for the
+            // first one.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }
@@ -127,8 +129,8 @@ impl ProfibusPort for Master {
         self.pending = None;
     }
 
-    /// The master has no presence on the PROFIBUS segment, because it answers no requests. So several gateways of a
-    /// PROFIBUS segment may have a master with the same address.
+    /// No other station sees this master on the PROFIBUS segment, because the master answers no requests. So
+    /// several gateways of a segment may have masters with the same address.
     fn presence(&self) -> Option<Presence> {
         let address = self.registers.mst_address.load();
         Some(Presence { address, does: "master", answers: false })
@@ -174,7 +176,8 @@ impl ProfibusPort for Master {
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
-        // Another master has the same address as this master (D-721).
+        // The telegram is a request from the address of this master, so another master has the same address
+        // (D-721).
         if let Telegram::Frame(frame) = telegram
             && self.last_address == Some(frame.sa)
             && !FunctionCode::is_answer(frame.fc)

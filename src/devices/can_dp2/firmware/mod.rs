@@ -16,7 +16,8 @@ pub(super) mod window;
 use gateway::Gateway;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The CAN side, which both ports share. A plant runs the ports one after the other, so the lock is always free.
+/// The CAN side, which both ports share. A plant runs the ports one after the other, so no port ever waits
+/// for the lock.
 pub(super) type Shared = Arc<Mutex<Gateway>>;
 
 pub(super) fn share(gateway: Gateway) -> Shared {

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 /// Maximum number of modules of a station (p. 23).
 pub(in crate::devices::can_dp2) const MODULES: usize = gsd::MAX_MODULE as usize;
 
-/// Maximum number of octets of all inputs, and of all outputs; and of both together (p. 10).
+/// Maximum number of octets of all inputs, and of all outputs. The second constant is the maximum of inputs
+/// and outputs together (p. 10).
 const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
 const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 
@@ -30,7 +31,7 @@ pub(in crate::devices::can_dp2) enum CfgError {
     Type = 1,
     /// The unit is words, not bytes.
     Unit = 2,
-    /// The length is not 1 to 8, nor 16.
+    /// The length is neither 1 to 8 nor 16.
     Length = 3,
     /// The identifier has only one byte.
     OneByte = 4,
@@ -60,7 +61,8 @@ pub(in crate::devices::can_dp2) enum ModuleFunction {
         /// changes.
         is_frozen: bool,
     },
-    /// Data sent with this identifier, and repeated every `cycle_ms` unless 0.
+    /// Data that the gateway sends with this identifier. Unless `cycle_ms` is 0, the gateway repeats the data
+    /// every `cycle_ms`.
     Output {
         /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
@@ -156,10 +158,11 @@ fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
     Ok((id.into(), form, rest))
 }
 
-/// Returns the next module, and the octets after it.
+/// Returns the next module, and the octets that follow it.
 fn take(octets: &[u8], has_pages: bool) -> Result<(RawModule<'_>, &[u8]), CfgError> {
     let (&head, rest) = octets.split_first().ok_or(CfgError::Type)?;
-    // A single octet, the general format, has no identifier (p. 71). Segments of a page need none (p. 52).
+    // A module of a single octet, the general format, has no identifier (p. 71). Segments of a page need no
+    // identifier (p. 52).
     match head & 0x30 {
         0 => {}
         _ if !has_pages => return Err(CfgError::OneByte),
@@ -187,7 +190,8 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(RawModule<'_>, &[u8]), CfgErr
 }
 
 impl Configuration {
-    /// Checks the octets of a Chk_Cfg, which must fit `parameters`; returns the first wrong module as an error.
+    /// Checks the octets of a Chk_Cfg, which must agree with `parameters`. The error names the first wrong
+    /// module.
     pub(in crate::devices::can_dp2) fn parse(
         octets: &[u8],
         parameters: &Parameters,
@@ -248,7 +252,7 @@ impl Configuration {
         Ok(())
     }
 
-    /// Checks a window: one in each direction, and only if the parameters enable it (p. 39).
+    /// Checks a window: each direction can have one, and only if the parameters enable windows (p. 39).
     fn window(
         &mut self,
         written: &RawModule<'_>,
@@ -274,7 +278,7 @@ impl Configuration {
         is_input: bool,
         following: &[u8],
     ) -> Result<ModuleFunction, CfgError> {
-        // Manual p. 10: an identifier can have one direction only.
+        // Manual p. 10: an identifier can be used in one direction only.
         let is_other_way = |module: &Module| match module.kind {
             ModuleFunction::Input { id: other, .. } => !is_input && other == id,
             ModuleFunction::Output { id: other, .. } => is_input && other == id,

@@ -25,8 +25,8 @@ impl Gateway {
         self.show();
     }
 
-    /// Returns the remote frames that a CANopen master or slave sends at the start (p. 29), for the inputs of its
-    /// pages.
+    /// Returns the remote frames for the inputs of the pages. A CANopen master or slave sends them at the
+    /// start (p. 29).
     pub(super) fn page_requests(&self) -> Vec<Frame> {
         let asks = self
             .setup

@@ -8,7 +8,7 @@ use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 
 impl Gateway {
-    /// Sets the SYNC time by command 20. The time runs from now on (p. 42, 44). A gateway in layer 2 ignores the
+    /// Sets the SYNC time by command 20 and restarts the time (p. 42, 44). A gateway in layer 2 ignores the
     /// command (p. 29; D-720).
     pub(super) fn set_sync_time(&mut self, time: u16) {
         let is_canopen = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() != Role::Layer2);
@@ -17,15 +17,15 @@ impl Gateway {
         }
     }
 
-    /// Sets the SYNC time from the comment of a window. A configuration that is already in force sets the time, too,
-    /// because the last setting of this time is valid (p. 30, 44).
+    /// Sets the SYNC time from the comment of a window. A configuration that is already in force also sets
+    /// the time again, because the most recent setting of the SYNC time is valid (p. 30, 44).
     pub(in crate::devices::can_dp2) fn set_sync_time_of_comment(&mut self, time: u16) {
         if self.registers.stored.stored_sync_time.load() != time {
             self.set_sync_time(time);
         }
     }
 
-    /// Sends all outputs, if there are any yet, then remote frames for all inputs (p. 29).
+    /// Sends all outputs if the gateway already has outputs, then remote frames for all inputs (p. 29).
     pub(super) fn send_all(&mut self, now: u64) {
         if self.has_outputs {
             self.send_outputs(now);
@@ -97,7 +97,8 @@ impl Gateway {
         self.show();
     }
 
-    /// Returns the time between SYNC objects in us, while a master works and has outputs (D-385).
+    /// Returns the time between SYNC objects in us. `None` unless the gateway works as a master and has
+    /// outputs (D-385).
     fn sync_us(&self) -> Option<u64> {
         let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
         let time = self.registers.stored.stored_sync_time.load();
@@ -105,7 +106,7 @@ impl Gateway {
         runs.then(|| u64::from(time) * 1000)
     }
 
-    /// Plans the next SYNC object, if SYNC is on and no SYNC object waits.
+    /// Plans the next SYNC object, if SYNC is on and no earlier SYNC object still waits.
     pub(in crate::devices::can_dp2) fn plan_sync(&mut self, now: u64) {
         match (self.sync_us(), self.sync_at) {
             (Some(time), None) if !self.sync_waits => self.sync_at = Some(now + time),
@@ -114,8 +115,9 @@ impl Gateway {
         }
     }
 
-    /// Sends a due SYNC object, after the frames of the previous data exchange (p. 44). While one SYNC object waits, no
-    /// other is added. The SYNC time restarts when the waiting object was sent (D-676).
+    /// Sends a due SYNC object after the frames of the previous data exchange (p. 44). While a SYNC object
+    /// waits for these frames, no second one is added. The SYNC time restarts when the waiting object has
+    /// been sent (D-676).
     pub(super) fn sync(&mut self, now: u64) {
         let Some(at) = self.sync_at.filter(|at| *at <= now) else { return };
         if self.sync_waits {
