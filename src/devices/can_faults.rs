@@ -1,5 +1,6 @@
-//! Kinds of faults that are shared by all buses with CAN frames: faults of frames, and faults in the controllers of
-//! ports. The bus family defines their effect on a bus, and refuses a kind that it cannot have.
+//! Kinds of faults that all buses with CAN frames share: faults of frames, and faults in the controllers of
+//! ports. The family of a bus defines the effect of each fault, and refuses the kinds that its buses cannot
+//! have.
 
 use crate::can::Arbitration;
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
@@ -41,7 +42,7 @@ pub(super) enum FrameEffect {
 pub(super) struct Frames {
     /// Identifier, no bit outside the mask.
     id: u32,
-    /// The bits of the identifier that are compared. If the mask is 0, the fault concerns all frames.
+    /// The bits of the identifier that are compared are 1. If the mask is 0, the fault concerns all frames.
     mask: u32,
     /// True for identifiers of 29 bits, false for identifiers of 11 bits, `None` for both.
     is_extended: Option<bool>,

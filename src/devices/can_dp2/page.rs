@@ -1,4 +1,4 @@
-//! Format of a page: its segments, numbers and marks (p. 50-60), for the gateway and for FB2.
+//! Format of a page, for the gateway and for FB2: segments, numbers and marks (p. 50-60).
 //!
 //! The manual does not define octets 2 to 7 of a page, nor the content of page 1 (p. 55). commram defines both (D-467),
 //! so a real FB2 cannot communicate with this gateway.
@@ -22,7 +22,8 @@ pub(super) mod number {
 /// Number of octets of a segment; the last one may be shorter (p. 54).
 pub(super) const SEGMENT: usize = 32;
 
-/// Octets before the content of a page: in its first segment, and in each other segment (p. 55, 59).
+/// Number of octets before the content of a page: `HEAD` in the first segment, `NUMBER` in each other segment
+/// (p. 55, 59).
 pub(super) const HEAD: usize = 8;
 const NUMBER: usize = 2;
 
@@ -34,7 +35,8 @@ pub(super) const RESULT: usize = 3;
 pub(super) const RECORD: usize = 6;
 pub(super) const MARK: usize = 4;
 
-/// Octet that marks the continuation of the records on the next page (`MORE`), or their end (`END`), p. 63-65.
+/// Octets of the mark after the last record of a page. `MORE`: the records continue on the next page. `END`:
+/// there are no more records (p. 63-65).
 pub(super) const MORE: u8 = 0xDD;
 pub(super) const END: u8 = 0xEE;
 
@@ -46,8 +48,8 @@ pub(super) fn places(segments: &[Range<usize>]) -> impl Iterator<Item = usize> {
         .flat_map(|(number, segment)| segment.clone().skip(if number == 0 { HEAD } else { NUMBER }))
 }
 
-/// Divides identifiers into pages with room for `room` octets. Each identifier needs one octet more than its data, and
-/// is not split between pages.
+/// Distributes identifiers over pages with room for `room` octets each. An identifier needs one octet more
+/// than its data, and all its octets are on one page.
 pub(super) fn divide(lengths: impl IntoIterator<Item = usize>, room: usize) -> Vec<Range<usize>> {
     let (mut pages, mut used): (Vec<Range<usize>>, usize) = (Vec::new(), 0);
     for (number, length) in lengths.into_iter().enumerate() {

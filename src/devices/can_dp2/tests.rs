@@ -1,5 +1,5 @@
-//! A CAN-DP/2 between a PROFIBUS segment and a CAN bus, controlled by its own master without a stack; a test station at
-//! CAN.
+//! A CAN-DP/2 between a PROFIBUS segment and a CAN bus. Its own master without a stack controls it, and a
+//! test station is on the CAN bus.
 
 mod any;
 #[cfg(feature = "plc")]
@@ -41,7 +41,7 @@ const CYCLE: u64 = 100;
 const MS: u64 = 1000;
 const S: u64 = 1_000_000;
 
-/// Frames that the station on CAN has to send, and frames that it has received, with times.
+/// The frames that the station on CAN has to send, and the frames that it has received with their times.
 #[derive(Default)]
 struct Wires {
     to_send: Vec<Frame>,
@@ -70,7 +70,7 @@ fn prm(flags_1: u8, flags_2: u8) -> Vec<u8> {
     vec![0x80, 0, 0, 11, 0x04, 0xA4, 0, 0, 6, flags_1, 5, flags_2, 0, 0, 0, 0]
 }
 
-/// An output of 2 bytes with 16#203, an input of 2 bytes with 16#289.
+/// The configuration: an output of 2 bytes with 16#203, and an input of 2 bytes with 16#289.
 const CFG: [u8; 10] = [0x83, 1, 2, 3, 0, 0x43, 1, 2, 0x89, 0];
 
 struct Bench {
@@ -89,7 +89,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Returns a gateway just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
+    /// Returns a gateway that has just been powered on. PROFIBUS runs at 500 kbit/s, CAN at 125 kbit/s.
     fn new(switches: u8) -> Self {
         Self::with_segment(switches, "kbit_s = 500")
     }

@@ -27,7 +27,8 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Sets or clears an error. `data` has five bytes of detail; the error is reported again when they change.
+    /// Sets or clears an error. `data` has five bytes of detail. If these bytes change, the error is reported
+    /// again.
     pub(crate) fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
         let known = self.present.iter_mut().find(|known| known.cause == cause);
         match (known, data) {
@@ -44,8 +45,8 @@ impl Errors {
         self.present.iter().fold(0, |bits, known| bits | known.cause.register)
     }
 
-    /// Returns the next message to be sent: code, error register, five bytes. When an error disappears, the message has
-    /// code 0; the register shows the remaining errors.
+    /// Returns the next message to be sent: a code, the error register and five bytes. When an error has
+    /// disappeared, the code of its message is 0, and the register shows the remaining errors.
     pub(crate) fn message(&mut self) -> Option<[u8; 8]> {
         let is = |list: &[ActiveError], cause| list.iter().any(|known| known.cause == cause);
         if let Some(gone) = self.reported.iter().position(|reported| !is(&self.present, reported.cause)) {

@@ -14,8 +14,8 @@ pub(crate) struct NodeGuarding {
 }
 
 impl NodeGuarding {
-    /// Called when the master has sent a request. Returns the only byte of the answer. The first answer has toggle bit
-    /// 0.
+    /// Called when the master has sent a request. Returns the single byte of the answer. The toggle bit of
+    /// the first answer is 0.
     pub(crate) fn asked(&mut self, state: State, now: u64) -> u8 {
         let toggle = u8::from(self.toggle) << 7;
         self.toggle = !self.toggle;
@@ -23,7 +23,7 @@ impl NodeGuarding {
         state.code() | toggle
     }
 
-    /// Restarts the communication, as before the first request.
+    /// Returns to the state before the first request, as at a start of the communication.
     pub(crate) fn reset(&mut self) {
         self.toggle = false;
         self.life.stop();

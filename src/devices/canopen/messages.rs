@@ -3,7 +3,7 @@
 use crate::can::{BitOrder, Message, Presence, Signal};
 use embedded_can::{Id, StandardId};
 
-/// Bit 31 of a COB-ID: the message is not used, or only sent on request.
+/// Bit 31 of a COB-ID. If it is set, the message is not used, or is sent only on request.
 const INVALID: u32 = 1 << 31;
 const ID: u32 = 0x7FF;
 
@@ -68,7 +68,8 @@ impl NodeMessages<'_> {
         Some(Message { name, id, length: first_bit.div_ceil(8), senders, receivers, signals, about: text })
     }
 
-    /// Returns the messages of network management and SYNC, of their sender or of a receiver.
+    /// Returns the messages of network management and SYNC. `is_sender` selects the form for their sender or
+    /// for a receiver.
     pub(crate) fn broadcasts(self, sync: u32, is_sender: bool) -> impl Iterator<Item = Option<Message>> {
         let of = if is_sender { MessageInfo::sent } else { MessageInfo::received };
         let nmt = [("command", 8), ("node", 8)];
@@ -80,8 +81,8 @@ impl NodeMessages<'_> {
         all.into_iter().map(|(name, message)| message.map(|it| Message { name: name.to_owned(), ..it }))
     }
 
-    /// Returns the messages between a master and one of its nodes, with the identifiers of the predefined connection
-    /// set; the master's names end in the node's number.
+    /// Returns the messages between a master and one of its nodes, with the identifiers of the predefined
+    /// connection set. The names of the master's messages end in the number of the node.
     pub(crate) fn of_master(self, node: u8) -> impl Iterator<Item = Option<Message>> {
         let id = |first: u32| first + u32::from(node);
         let named = move |message: Option<Message>| {

@@ -1,5 +1,6 @@
-//! The CANopen protocol of a device (CiA 301), without input or output: the functions get bytes and times, and return
-//! bytes. A device connects these parts with its object dictionary, its registers and its controller.
+//! The CANopen protocol of a device (CiA 301). The functions have no input or output: they get bytes and
+//! times, and return bytes. A device connects these parts with its object dictionary, its registers and its
+//! controller.
 
 mod connection_set;
 pub(crate) mod emergency;

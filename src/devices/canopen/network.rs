@@ -17,11 +17,11 @@ pub(crate) enum Order {
 struct GuardedNode {
     node: u8,
     guard_us: u64,
-    /// Number of missing answers in a row at which the node counts as missing.
+    /// Number of consecutive missing answers after which the node counts as missing.
     life: u8,
     /// Time of the next request, in microseconds; `None` while the node is not guarded.
     next_at: Option<u64>,
-    /// Number of requests in a row without an answer.
+    /// Number of consecutive requests without an answer.
     unanswered: u8,
     state: Option<State>,
     /// Toggle bit of the next answer; `None` before the first answer.
@@ -84,8 +84,8 @@ impl Network {
         node == 0 || self.has(node)
     }
 
-    /// Stops guarding `node`, or all nodes if it is 0; the node is not missing then. Returns `false` if the node is not
-    /// known.
+    /// Stops guarding `node`, or all nodes if it is 0. A node that is not guarded does not count as missing.
+    /// Returns `false` if the node is not known.
     pub(crate) fn stop(&mut self, node: u8) -> bool {
         for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
             (it.next_at, it.unanswered, it.is_missing) = (None, 0, false);
@@ -104,8 +104,8 @@ impl Network {
         self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
-    /// Returns the number of a missing node. Each call returns the next one, and the call after the last one begins
-    /// with the first.
+    /// Returns the number of a missing node, or `None` if no node is missing. Successive calls return all
+    /// missing nodes in turn, and then begin with the first again.
     pub(crate) fn next_missing(&mut self) -> Option<u8> {
         let next = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
         self.shown = next.or_else(|| self.all_missing().next());
@@ -134,8 +134,8 @@ impl Network {
         }
     }
 
-    /// Handles an answer: `node` has sent its state, or 0 when it has started. An answer with an unchanged toggle bit
-    /// is ignored.
+    /// Handles an answer in which `node` has sent its state, or 0 because it has just started. Ignores an
+    /// answer with an unchanged toggle bit.
     pub(crate) fn answered(&mut self, node: u8, answer: u8) -> Option<GuardAnswer> {
         let it = self.nodes.iter_mut().find(|it| it.node == node)?;
         let (toggle, code) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
@@ -163,7 +163,7 @@ impl Network {
             it.next_at = Some(now + it.guard_us);
             if it.unanswered >= it.life {
                 it.is_missing = true;
-                // After the reset, the node begins with the first value of its toggle bit.
+                // After the reset, the node begins with toggle bit 0 again.
                 (it.toggle, it.state) = (None, None);
                 orders.push(Order::Command(Command::ResetNode, it.node));
             }

@@ -15,7 +15,7 @@ pub(crate) enum State {
     PreOperational = 127,
     /// The node exchanges PDOs, too.
     Operational = 5,
-    /// The node answers network management and guarding only.
+    /// The node takes part only in network management and guarding.
     Stopped = 4,
 }
 

@@ -1,8 +1,8 @@
-//! Process data objects (PDOs): when they are sent and taken over.
+//! Process data objects (PDOs): the conditions under which a PDO is sent, or its value is taken over.
 
 use serde::{Deserialize, Serialize};
 
-/// Transmission type: the condition under which a PDO is sent or taken over.
+/// Transmission type: the condition under which a PDO is sent, or a received value is taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Transmission {
     /// The PDO is sent at a SYNC object, if the value is new.
@@ -14,8 +14,8 @@ pub enum Transmission {
 }
 
 impl Transmission {
-    /// Returns the type with this number; `None` for reserved numbers, and for 252 and 253, which are for remote frames
-    /// only.
+    /// Returns the type with this number. `None` for reserved numbers. Also `None` for 252 and 253: these
+    /// types send a PDO only in answer to a remote frame.
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
@@ -47,7 +47,7 @@ impl Transmission {
 struct SyncCounter(u8);
 
 impl SyncCounter {
-    /// Called at a SYNC object. Returns true if it is the PDO's turn.
+    /// Called at a SYNC object. Returns true if the PDO must be sent or taken over at this SYNC object.
     fn is_turn(&mut self, kind: Transmission) -> bool {
         match kind {
             Transmission::SynchronousAcyclic => true,
@@ -77,12 +77,13 @@ pub(crate) struct Transmit {
 }
 
 impl Transmit {
-    /// Starts the exchange of PDOs: `value` is not new, counting begins.
+    /// Starts the exchange of PDOs: `value` counts as sent, and SYNC objects are counted from 0.
     pub(crate) fn start(&mut self, value: [u8; 8]) {
         *self = Transmit { known: value, ..Transmit::default() };
     }
 
-    /// Returns whether to send the value at `now`. The next asynchronous PDO waits for `inhibit_us`.
+    /// Returns true if the value must be sent at `now`. The next asynchronous PDO is sent after `inhibit_us`
+    /// at the earliest.
     pub(crate) fn look(&mut self, kind: Transmission, value: [u8; 8], inhibit_us: u64, now: u64) -> bool {
         if kind.is_synchronous() {
             return false;

@@ -1,5 +1,5 @@
-//! Service data objects, by which a master reads and writes the object dictionary, expedited or in segments: server and
-//! client.
+//! Service data objects: a master reads and writes the object dictionary through them, expedited or in
+//! segments. This module has a server and a client.
 
 mod abort;
 mod client;
@@ -59,7 +59,7 @@ enum ServerTransfer {
     None,
     /// `rest`: bytes still to be sent.
     Upload { at: EntryAddress, rest: Vec<u8>, toggle: bool },
-    /// `data` are the bytes that the server has received.
+    /// `data` are the bytes that the server has received so far.
     Download { at: EntryAddress, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
 }
 
@@ -70,12 +70,13 @@ pub(crate) struct Server {
 }
 
 const TOGGLE: u8 = 1 << 4;
-/// Bits in the first byte of a first frame: the frame has the data; the number of bytes is given.
+/// Bits in the first byte of a transfer's first frame. `EXPEDITED`: the frame contains the data. `SIZED`: the
+/// frame contains the number of bytes.
 const EXPEDITED: u8 = 1 << 1;
 const SIZED: u8 = 1;
 
 impl Server {
-    /// Forgets a transfer in progress without an abort.
+    /// Drops a transfer in progress without an abort.
     pub(crate) fn reset(&mut self) {
         self.transfer = ServerTransfer::None;
     }
@@ -116,7 +117,7 @@ impl Server {
         if command & EXPEDITED != 0 {
             let unused = if is_sized { usize::from(command >> 2 & 3) } else { 0 };
             let bytes = match (is_sized, length) {
-                // If the request contains no number of bytes, the length of the entry counts.
+                // If the request contains no number of bytes, the data have the length of the entry.
                 (false, Length::Exactly(bytes)) => bytes.min(data.len()),
                 _ => data.len() - unused,
             };

@@ -5,19 +5,19 @@ use serde::{Deserialize, Serialize};
 /// Supervision of an event that must recur within a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Supervision {
-    /// Longest time between two events in us; 0 is off.
+    /// Longest time between two events in us. 0 means that the supervision is off.
     period_us: u64,
-    /// True after `start`, until `stop`. While this is true, a new period runs from the moment at which it is set.
+    /// True from `start` until `stop`. While it is true, a change of the period starts a new period at once.
     is_awaited: bool,
-    /// Time until which the event must come, in microseconds; `None` if the supervision is off, or the event is
-    /// missing.
+    /// Time by which the event must come, in microseconds; `None` if the supervision is off, or if the event
+    /// is missing already.
     deadline: Option<u64>,
     is_missing: bool,
 }
 
 impl Supervision {
-    /// Sets the period in microseconds; 0 switches the supervision off. If the event is awaited, a new period counts
-    /// from `now` on. Setting the same period again has no effect.
+    /// Sets the period in microseconds; 0 switches the supervision off. If the event is awaited, a new period
+    /// runs from `now`. Setting an unchanged period has no effect.
     pub(crate) fn set_period(&mut self, period_us: u64, now: u64) {
         if period_us == self.period_us {
             return;
@@ -45,7 +45,7 @@ impl Supervision {
         self.is_missing = false;
     }
 
-    /// True if the event has not come in time.
+    /// True if the event has not come within the period.
     #[must_use]
     pub(crate) fn is_missing(&self) -> bool {
         self.is_missing

@@ -1,5 +1,5 @@
-//! The gateway in page mode. In this mode the gateway can have more identifiers than a configuration has modules, and
-//! each telegram carries one page of the identifiers (p. 50-60).
+//! The gateway in page mode. Each telegram carries one page of the identifiers. So the gateway can have more
+//! identifiers than a configuration has modules (p. 50-60).
 
 use super::form;
 use super::modules::EXTENDED;
@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 enum Outcome {
     /// The page is accepted.
     Good = 0,
-    /// The page number is not the next one in the sequence.
+    /// The page is not the page that the sequence requires next.
     Turn = 1,
-    /// A record has an invalid identifier, or one of the other direction.
+    /// A record has an invalid identifier, or an identifier that is already used in the other direction.
     Identifier = 2,
-    /// A record has a length other than 1 to 8, or does not fit a page.
+    /// A record has a length other than 1 to 8, or its data do not fit on a page.
     Length = 3,
     /// The mark after the last record is missing.
     Mark = 4,
@@ -45,7 +45,8 @@ struct Tx {
     id: Id,
     form: u8,
     length: usize,
-    /// Data at the last transmission, or at the moment when they would have been sent.
+    /// Data of the last transmission. A transmission that did not take place, because CAN was off, also
+    /// counts.
     data: [u8; 8],
     force: u8,
 }
@@ -59,15 +60,15 @@ struct Rx {
     length: usize,
     data: [u8; 8],
     count: u8,
-    /// True if a later entry of the configuration has the identifier of this entry (p. 35): then this entry never
-    /// changes.
+    /// True if a later entry of the configuration has the identifier of this entry (p. 35). The data of this
+    /// entry then never change.
     is_frozen: bool,
 }
 
 /// A gateway in page mode.
 #[derive(Debug, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Pages {
-    /// The segments in order, from the first output and the first input on.
+    /// The segments in their order. Positions are counted from the first output and from the first input.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
     phase: PagePhase,
@@ -100,8 +101,8 @@ fn carries(segments: &[Range<usize>]) -> usize {
     places(segments).count()
 }
 
-/// Returns the identifier in a record: 29 bits if bit 29 is set or the number is above 16#7FF, as in the window
-/// (D-383).
+/// Returns the identifier in a record. It has 29 bits if bit 29 is set or the number is above 16#7FF, as in
+/// the window (D-383).
 fn identifier(bytes: [u8; 4]) -> Option<Id> {
     let number = u32::from_be_bytes(bytes);
     let id = number & !EXTENDED;
@@ -112,7 +113,7 @@ fn identifier(bytes: [u8; 4]) -> Option<Id> {
 }
 
 impl Pages {
-    /// Creates the page mode with these segments among outputs and inputs.
+    /// Starts page mode. `outputs` and `inputs` are the ranges of the segments.
     pub(in crate::devices::can_dp2) fn new(outputs: Vec<Range<usize>>, inputs: Vec<Range<usize>>) -> Self {
         let shown = vec![0; inputs.last().map_or(0, |last| last.end)];
         Pages {
@@ -133,7 +134,8 @@ impl Pages {
         self.phase
     }
 
-    /// Returns the received identifiers and their numbers of bytes; none before the configuration is complete.
+    /// Returns the received identifiers and their numbers of bytes. The result is empty until the
+    /// configuration is complete.
     pub(in crate::devices::can_dp2) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
         let rx = self.rx.iter().filter(|rx| self.phase == PagePhase::Data && !rx.is_frozen);
         rx.map(|rx| (rx.id, rx.length))
@@ -144,14 +146,14 @@ impl Pages {
         &self.shown
     }
 
-    /// Handles all outputs that the DP master has written. Frames are sent if `sends`.
+    /// Handles all outputs that the DP master has written. Frames are sent only if `sends` is true.
     pub(in crate::devices::can_dp2) fn written(&mut self, outputs: &[u8], sends: bool) -> PageEffect {
         let Some(head) = self.outputs.first().and_then(|first| outputs.get(first.clone())) else {
             return PageEffect::default();
         };
         let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return PageEffect::default() };
         let (number, counter) = (u16::from_be_bytes([high, low]), head[COUNTER]);
-        // If the outputs were cleared, they do not contain a page.
+        // A counter of 0 means that the outputs were cleared, so they do not contain a page.
         if counter == 0 || core::mem::replace(&mut self.counter, counter) == counter {
             return PageEffect::default();
         }
@@ -189,7 +191,7 @@ impl Pages {
         self.rx.clear();
     }
 
-    /// Handles a page with records; returns the first wrong record as an error, counted from 0 on the page.
+    /// Handles a page with records. The error names the first wrong record, counted from 0 on the page.
     fn configure(&mut self, payload: &[u8]) -> Result<(), (Outcome, u8)> {
         let is_tx = self.phase == PagePhase::Tx;
         let (mut tx, mut rx) = (self.tx.clone(), self.rx.clone());
@@ -209,7 +211,8 @@ impl Pages {
             if !(1..=8).contains(&length) || length + 1 > room {
                 return Err(wrong(Outcome::Length));
             }
-            // P. 10: an identifier can have only one direction. In this configuration it can also be sent only once.
+            // P. 10: an identifier can have only one direction. In page mode an identifier also cannot be
+            // sent by two records.
             if tx.iter().any(|it| it.id == id) {
                 return Err(wrong(Outcome::Identifier));
             }
@@ -237,7 +240,7 @@ impl Pages {
         Ok(())
     }
 
-    /// Handles a page with outputs; returns the frames to send according to `force` (p. 59).
+    /// Handles a page with outputs. Returns the frames that must be sent according to `force` (p. 59).
     fn data(&mut self, number: u16, payload: &[u8]) -> Vec<Frame> {
         let mut frames = Vec::new();
         let Some(ids) = self.tx_pages.get(usize::from(number - number::DATA)) else { return frames };
@@ -264,7 +267,8 @@ impl Pages {
         frames
     }
 
-    /// Writes the answer to a page: its number in each segment, counter, result and requested content.
+    /// Writes the answer to a page: the page number in each segment, the counter, the result and the
+    /// requested content.
     fn show(&mut self, number: u16, counter: u8, outcome: Result<(), (Outcome, u8)>) {
         let (outcome, record) = outcome.map_or_else(|wrong| wrong, |()| (Outcome::Good, 0));
         self.shown.fill(0);
@@ -294,7 +298,8 @@ impl Pages {
         }
     }
 
-    /// Handles a frame: counts it, and stores its data for the next time that its page is requested.
+    /// Handles a frame: counts it, and stores its data until the DP master requests the page of the frame
+    /// again.
     pub(in crate::devices::can_dp2) fn received(&mut self, frame: &Frame) {
         if self.phase != PagePhase::Data {
             return;

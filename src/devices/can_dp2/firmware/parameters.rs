@@ -29,12 +29,12 @@ const DEFAULTS: [u8; LENGTH] = {
 /// A wrong octet of Set_Prm (p. 20-21).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct PrmFault {
-    /// Number of the octet, from 0 over the telegram (D-374).
+    /// Number of the octet in the telegram, from 0 (D-374).
     pub number: u8,
     /// Value that would have been right.
     pub right: u8,
-    /// True if the telegram requests Freeze or Sync, which the device does not have (p. 10, 17). This is reported in
-    /// addition to any other fault.
+    /// True if the telegram requests Freeze or Sync, which the device does not have (p. 10, 17). The
+    /// diagnosis reports this in addition to any other fault.
     pub is_unsupported: bool,
 }
 
@@ -55,12 +55,13 @@ const UNSUPPORTED: u8 = status::FREEZE_REQ | status::SYNC_REQ;
 /// Bits of the first flags that the manual does not use (p. 28).
 const UNUSED_FLAGS: u8 = 0x60;
 
-/// Returns the right value of octet `number` if the octet is wrong. The octets up to it must exist.
+/// Returns the right value of octet `number` if the octet is wrong. `octets` must contain all octets up to
+/// this one.
 fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
     let octet = octets[number];
     let right = match number {
         0 => octet & !UNSUPPORTED,
-        // A watchdog in use needs factors above 0.
+        // If the watchdog is on, both of its factors must be above 0.
         1 | 2 if octets[0] & status::WD_ON != 0 => octet.max(1),
         4 => IDENT[0],
         5 => IDENT[1],
@@ -88,8 +89,9 @@ pub(in crate::devices::can_dp2) struct Parameters {
 }
 
 impl Parameters {
-    /// Checks the octets of a Set_Prm. Reports a wrong ident number first, since the telegram is for another device;
-    /// otherwise the first wrong octet. A missing or additional octet counts as the last wrong octet (D-375).
+    /// Checks the octets of a Set_Prm. A wrong ident number is reported first, because the telegram is then
+    /// for another device. Otherwise the error names the first wrong octet. A missing or additional octet
+    /// counts as an error after all others (D-375).
     pub(in crate::devices::can_dp2) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
         let is_unsupported = octets.first().is_some_and(|status| status & UNSUPPORTED != 0);
         let fault = |(number, right): (usize, u8)| PrmFault { number: number as u8, right, is_unsupported };
@@ -107,8 +109,8 @@ impl Parameters {
         }
     }
 
-    /// Returns the watchdog time in us, after which the slave leaves data exchange if the master sends no request;
-    /// `None` without a watchdog.
+    /// Returns the watchdog time in us; `None` without a watchdog. If the master sends no request within this
+    /// time, the slave ends data exchange.
     pub(in crate::devices::can_dp2) fn watchdog_us(&self) -> Option<u64> {
         let factors = u64::from(self.octets[1]) * u64::from(self.octets[2]);
         (self.octets[0] & status::WD_ON != 0).then_some(factors * 10_000)
@@ -187,7 +189,7 @@ impl Parameters {
         Some(self.octets[13]).filter(|time| *time != wakeup_time::STORED)
     }
 
-    /// Returns the SYNC time in ms; 16#FFFF: the stored one.
+    /// Returns the SYNC time in ms. 16#FFFF means the stored SYNC time.
     pub(in crate::devices::can_dp2) fn sync_ms(&self) -> u16 {
         u16::from_be_bytes([self.octets[14], self.octets[15]])
     }
@@ -266,15 +268,15 @@ mod tests {
         assert_eq!(Parameters::parse(&slave).map_err(|fault| fault.number), Err(10));
     }
 
-    /// Manual p. 17, 20: the ident number of another device is reported before any other fault, and Freeze or Sync sets
-    /// its bit in addition.
+    /// Manual p. 17, 20: the report of another device's ident number has priority over any other fault. A
+    /// request for Freeze or Sync also sets its bit.
     #[test]
     fn parameters_of_another_device_report_the_ident_number() {
         let fault = |octets: &[u8]| {
             Parameters::parse(octets).map_err(|fault| (fault.number, fault.right, fault.is_unsupported))
         };
         let others = [0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60];
-        // The test sends telegrams that are shorter than a valid telegram, of equal length, and longer.
+        // The test sends telegrams that are shorter than, equal to, and longer than a valid telegram.
         for length in [7, 9, 16, 30] {
             let mut octets = others.to_vec();
             octets.resize(length, 0xFF);

@@ -10,7 +10,7 @@ use crate::devices::can_dp2::registers::{
 };
 use crate::memory::{Cell8, Cell32, FirmwareHeader, MemoryError, Segment, View};
 
-/// Value for the stored SYNC time (p. 30).
+/// Value of a SYNC time that means the stored SYNC time (p. 30).
 pub(in crate::devices::can_dp2) const SYNC_STORED: u16 = 0xFFFF;
 
 /// The structures of the image that the gateway's firmware uses.
@@ -49,12 +49,12 @@ impl Registers {
         })
     }
 
-    /// Returns a word of the front panel that the firmware writes.
+    /// Returns a word of the front panel that the firmware sets, such as an LED.
     pub(in crate::devices::can_dp2) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// Reads a word of the front panel that users turn.
+    /// Reads a word of the front panel that a user sets, such as a switch.
     pub(in crate::devices::can_dp2) fn turned(&self, word: usize) -> u32 {
         self.face.requested().front[word].load()
     }
@@ -117,8 +117,9 @@ impl Registers {
         self.set_sync_time(parameters.sync_ms());
     }
 
-    /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The last value counts, and
-    /// 16#FFFF keeps the stored time (p. 30, 39, 44; D-385). Returns whether the time was taken over.
+    /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The most recent of
+    /// these settings is valid. 16#FFFF keeps the stored time (p. 30, 39, 44; D-385). Returns true if the
+    /// time has become the stored time.
     pub(in crate::devices::can_dp2) fn set_sync_time(&self, time: u16) -> bool {
         let is_taken = time != SYNC_STORED;
         if is_taken {
@@ -127,7 +128,7 @@ impl Registers {
         is_taken
     }
 
-    /// Shows the configuration in force; inputs and outputs begin at 0.
+    /// Writes the configuration in force into the registers, and sets all inputs and outputs to 0.
     pub(in crate::devices::can_dp2) fn set_configuration(&self, configuration: &Configuration) {
         let Configuration { octets, modules, inputs, outputs, sync_ms: _ } = configuration;
         self.cfg.cfg_len.store(octets.len() as u8);

@@ -1,5 +1,5 @@
-//! The DP slave: parameters, configuration, data exchange, diagnosis (p. 10-21). The slave follows the DP standard
-//! where the manual is silent; each of these points is a decision.
+//! The DP slave: parameters, configuration, data exchange, diagnosis (p. 10-21). Where the manual says
+//! nothing, the slave follows the DP standard, and a decision names each of these points.
 
 use super::gateway::Gateway;
 use super::modules::{CfgFault, Configuration, Module, ModuleFunction};
@@ -30,7 +30,8 @@ pub(in crate::devices::can_dp2) enum News {
     Refused([u8; 3]),
     /// The watchdog has run out.
     Watchdog,
-    /// A rule was broken: the byte of the image, and the value.
+    /// A program has broken a rule. The fields are the rule, the offset of the register in the image, and the
+    /// value.
     Found(&'static Rule, u32, u32),
 }
 
@@ -45,13 +46,13 @@ pub(in crate::devices::can_dp2) struct Slave {
     configuration: Configuration,
     prm_fault: Option<PrmFault>,
     cfg_fault: Option<CfgFault>,
-    /// Time until which the master must send a request, in us.
+    /// Time in us at which the watchdog runs out, unless the master sends a request before.
     watchdog_at: Option<u64>,
     /// Time of the last valid telegram, in microseconds.
     heard_at: u64,
-    /// True if the slave has requested the master to read the diagnosis.
+    /// True if the slave has announced a diagnosis, and the master has not read it yet.
     has_diagnosis: bool,
-    /// Changes that are reported before the call of the port ends.
+    /// Changes that must be reported before the present call of the port ends.
     #[serde(skip)]
     news: Vec<News>,
 }
@@ -128,13 +129,14 @@ impl Slave {
         let time = self.parameters.as_ref().and_then(Parameters::watchdog_us).unwrap_or(0);
         self.news.push(News::Watchdog);
         self.leave(gateway, registers);
-        // The slave searches for the bit rate only if the line was silent, because other stations may still be sending
-        // (D-380).
+        // The slave searches for the bit rate only if the line was silent, not if other stations were still
+        // sending (D-380).
         let is_silent = now.saturating_sub(self.heard_at) >= time;
         self.enter(if is_silent { dp_state::BAUD_SEARCH } else { dp_state::BAUD_CONTROL });
     }
 
-    /// Ends data exchange: outputs are 0, and the slave waits for parameters and configuration again.
+    /// Ends data exchange: sets the outputs to 0. The slave then waits for parameters and configuration
+    /// again.
     fn leave(&mut self, gateway: &mut Gateway, registers: &Registers) {
         gateway.end();
         registers.set_outputs(&[]);
@@ -194,8 +196,9 @@ impl Slave {
         self.responder.short(frame.sa, Answer::NotActivated)
     }
 
-    /// Returns the answer with the inputs. Without inputs, the answer is a short acknowledgement, but not while a
-    /// diagnosis waits, because a short acknowledgement cannot announce it.
+    /// Returns the answer with the inputs. Without inputs, the answer is a short acknowledgement. A short
+    /// acknowledgement cannot announce a diagnosis, so if a diagnosis waits, the answer is a telegram without
+    /// data.
     fn data(&self, frame: &Frame, inputs: Vec<u8>) -> Telegram {
         match (self.has_diagnosis, inputs.is_empty()) {
             (false, true) => Telegram::ShortAck,
@@ -207,7 +210,7 @@ impl Slave {
 
     fn asked(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) -> Telegram {
         let is_exchanging = self.state == dp_state::DATA_EXCHANGE;
-        // A DP slave does not have SDA, the service with acknowledgement but without data (D-679).
+        // A DP slave does not have the service SDA, which gets an acknowledgement but no data (D-679).
         if matches!(FunctionCode::parse(frame.fc), FunctionCode::Request { request: Request::Sda, .. }) {
             return self.refusal(frame);
         }
@@ -273,7 +276,7 @@ impl Slave {
         self.data(frame, registers.inputs(self.configuration.inputs))
     }
 
-    /// Notes that CAN has a change for the diagnosis (p. 20, 29).
+    /// Notes a change on CAN that the diagnosis must show (p. 20, 29).
     pub(in crate::devices::can_dp2) fn look(&mut self, gateway: &mut Gateway) {
         let wants = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis);
         self.has_diagnosis |= gateway.take_news() && wants && self.state == dp_state::DATA_EXCHANGE;
@@ -310,8 +313,9 @@ impl Slave {
         match Configuration::parse(octets, parameters) {
             Ok(configuration) => {
                 let sync_ms = configuration.sync_ms;
-                // If the master repeats the configuration that is in force, only the SYNC time in its comment has an
-                // effect, because the last setting of this time is valid (p. 30; D-381).
+                // If the master repeats the configuration that is in force, only the SYNC time in its comment
+                // has an effect. The SYNC time needs to be set again, because its most recent setting is
+                // valid (p. 30; D-381).
                 if self.state != dp_state::DATA_EXCHANGE || configuration != self.configuration {
                     registers.set_configuration(&configuration);
                     gateway.begin(parameters, &configuration, now);
@@ -352,7 +356,7 @@ impl Slave {
         }
     }
 
-    /// Global_Control: only Clear_Data has an effect (p. 10; D-387).
+    /// Handles Global_Control. Only Clear_Data has an effect (p. 10; D-387).
     fn control(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) {
         let &[command, group, ..] = frame.data.as_slice() else { return };
         let Some(parameters) = &self.parameters else { return };

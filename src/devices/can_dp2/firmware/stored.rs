@@ -31,7 +31,8 @@ impl Stored {
         Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
     }
 
-    /// Restores the stored time in a register with the value for "stored" (p. 29-30). This value itself is not stored (D-370).
+    /// If a register contains the value that means "the stored time" (p. 29-30), replaces the value by the
+    /// stored time. The value itself is not stored (D-370).
     fn put_back(&self) {
         let CAN_DP2_STORED { stored_wakeup_time, stored_sync_time, .. } = &*self.registers;
         if stored_wakeup_time.load() == wakeup_time::STORED {
@@ -52,7 +53,8 @@ impl SnapshotFields for Stored {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // The number of changes is increased, because the file of NOVRAM has the values from before the restoration.
+        // The change of the number makes the emulator write the NOVRAM file again. The file still has the
+        // values from before the restoration.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -83,7 +85,7 @@ impl Firmware for Stored {
     fn keep(&mut self) {
         self.put_back();
         let mut now = [0; BYTES];
-        // This cannot fail: source and destination are arrays of one size by their definitions.
+        // Source and destination are arrays of equal size by definition, so the copy cannot fail.
         let _ = self.registers.snapshot().write_to(&mut now);
         if now != self.stored {
             self.stored = now;

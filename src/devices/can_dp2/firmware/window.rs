@@ -1,4 +1,5 @@
-//! The Communication Window. It executes one order at a time; a changed loop counter marks a new order (p. 38-49).
+//! The Communication Window. It executes one order at a time. A changed loop counter marks a new order (p.
+//! 38-49).
 
 use super::modules::WINDOW;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
@@ -9,10 +10,10 @@ use std::collections::VecDeque;
 /// Size of the FIFO in frames (p. 43).
 const FIFO: usize = 255;
 
-/// Value in place of the identifier until a frame is received (p. 41).
+/// Value instead of an identifier while no frame is received (p. 41).
 const NOTHING: u8 = 0xEE;
 
-/// The bit of byte 2 that marks an identifier of 29 bits, as in a comment (D-383).
+/// The bit of byte 2 that marks an identifier of 29 bits, as in the comment of a module (D-383).
 const EXTENDED: u8 = 0x20;
 
 /// Numbers of the commands of the window (p. 42).
@@ -49,7 +50,8 @@ pub(in crate::devices::can_dp2) struct Window {
     is_reading: bool,
     /// Octets that the DP master reads.
     shown: [u8; WINDOW],
-    /// A frame shown since the last data exchange, which the DP master has not read yet.
+    /// A frame that the window shows, but the DP master has not read yet: no data exchange has taken place
+    /// since then.
     unread: Option<Frame>,
 }
 
@@ -118,7 +120,7 @@ impl Window {
             return Order::Nothing;
         }
         self.counter = counter;
-        // An unread frame would be lost otherwise (p. 43).
+        // The new order overwrites the window. Without this step, an unread frame would be lost (p. 43).
         unread.into_iter().for_each(|frame| self.fifo.push_front(frame));
         self.is_reading = false;
         self.shown = [0; WINDOW];
@@ -151,7 +153,7 @@ impl Window {
             _ => Order::Nothing,
         };
         self.show_next();
-        // The answer to this data exchange carries the frame.
+        // The answer to this data exchange carries the frame, so the DP master reads it.
         self.unread = None;
         order
     }
@@ -220,8 +222,8 @@ mod tests {
         assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
     }
 
-    /// Manual p. 43: no frame is lost while the PLC reads faster than frames come, even if it gives other orders
-    /// between the reads.
+    /// Manual p. 43: no frame is lost if the PLC reads frames faster than they arrive, even if it gives other
+    /// orders between the reads.
     #[test]
     fn an_unread_frame_is_not_lost() {
         let mut window = Window::default();
@@ -235,7 +237,7 @@ mod tests {
         assert_eq!((window.shown()[4], window.waiting()), (1, 1));
         window.written(&reads(4));
         assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this frame came with an answer");
-        // The next data exchange returns the frame even if it contains no new order.
+        // The next data exchange contains no new order, but returns the frame.
         window.written(&reads(5));
         assert!(window.received(frame(0x181, &[3])));
         window.written(&reads(5));

@@ -1,4 +1,4 @@
-//! For any telegrams of a master, the slave has a state and a diagnosis with the reason.
+//! After any telegrams of a master, the slave has a valid state, and a diagnosis that names the reason.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
@@ -36,7 +36,8 @@ fn configuration() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => modules, 1 => cut_off, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
-/// Checks for any parameters, configuration and outputs that the slave has a state and a diagnosis with the reason.
+/// Checks for any parameters, configuration and outputs that the slave has a valid state, and a diagnosis
+/// that names the reason.
 fn check_state_and_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, prm).0, mst_result::RECEIPT);
@@ -49,7 +50,7 @@ fn check_state_and_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
         assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
         assert_eq!(&diag[4..6], &[0x04, 0xA4]);
     }
-    // Each error bit of the diagnosis has its octets with the reason, and each refusal sets its bit.
+    // If an error bit of the diagnosis is set, the octets name the reason. Each refusal sets its error bit.
     let cause = diag.get(8).copied();
     assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
     assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));
@@ -70,7 +71,8 @@ fn check_state_and_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     bench.run(10 * MS);
 }
 
-/// Lengths of parameters and configuration, then the octets of these and of the outputs.
+/// The input of the fuzzer: the lengths of parameters and configuration, then the octets of parameters,
+/// configuration and outputs.
 #[test]
 fn fuzz_dp_slave() {
     crate::fuzz("dp_slave", |bytes| {

@@ -1,11 +1,11 @@
-//! The function blocks against the gateway: a program calls them in each cycle of 1 ms (p. 61-70, 76-86).
+//! The function blocks with the gateway: a program calls the blocks in each cycle of 1 ms (p. 61-70, 76-86).
 
 use super::*;
 use crate::devices::can_dp2::blocks::*;
 use crate::plc::{Base, Ram};
 use embedded_can::Frame as _;
 
-/// A PLC with its program's data, and a CANopen device that accepts every SDO.
+/// A PLC with the data of its program, and a CANopen device that accepts every SDO.
 struct Plc {
     bench: Bench,
     mst: Base<CAN_DP2_MST>,
@@ -39,7 +39,7 @@ impl Plc {
         panic!("no data exchange: {:02X?}", plc.master.DIAG);
     }
 
-    /// One cycle: runs the program, then the exchange.
+    /// Runs one cycle: first the program, then the data exchange.
     fn cycle(&mut self, program: impl FnOnce(&mut DataBlocks, &mut Peripherals)) {
         program(&mut self.blocks, &mut self.peripherals);
         self.master.call(&self.mst, &mut self.peripherals);
@@ -84,8 +84,8 @@ fn transfer(plc: &mut Plc, block: &mut FB4) {
     panic!("no end of the transfer");
 }
 
-/// The orders of p. 77-79: the start frame, an enabled identifier, a received frame. READ_ENABLE reads by itself with
-/// every order, and FREIGABE alone reads without an order.
+/// The orders of p. 77-79: the start frame, an identifier that is enabled, a frame that is received. With
+/// READ_ENABLE, the block also reads with every order. FREIGABE without an order only reads.
 #[test]
 fn fb4_sends_orders_over_the_window() {
     for command in [4, 3, 0] {
@@ -123,7 +123,7 @@ fn one_pulse_of_fb4_is_one_transfer() {
     assert_eq!((nowhere.TRANSFER_READY, nowhere.READ_RET_VAL), (true, 1));
 }
 
-/// Frames between two pulses are not lost, at any time.
+/// A frame that arrives between two pulses is not lost, whenever it arrives.
 #[test]
 fn fb4_loses_no_frame_while_it_reads() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
@@ -147,11 +147,11 @@ fn fb4_loses_no_frame_while_it_reads() {
     }
 }
 
-/// The program of p. 77-80 with its flags: FB4 and its surroundings.
+/// The program of p. 77-80 with its flags: FB4 and the networks around it.
 struct Example {
     /// Flag bytes MB0 to MB17.
     mb: [u8; 18],
-    /// M95.0 to M96.0: number of the first orders that are finished.
+    /// M95.0 to M96.0: how many of the first orders are finished.
     orders: usize,
     /// M99.6: the pulse of FREIGABE.
     pulse: bool,
@@ -169,8 +169,8 @@ impl Example {
         u16::from_be_bytes([self.mb[at], self.mb[at + 1]])
     }
 
-    /// Network 5: sends one of the first orders after the other (identifier, first two data bytes, length, command),
-    /// then no more.
+    /// Network 5: sends the first orders one after the other (identifier, first two data bytes, length,
+    /// command). When all have been sent, it sends no more.
     fn order(&mut self) {
         let enables = |id: u16| (id, 0_u16, 0, 4);
         let orders = [
@@ -190,7 +190,7 @@ impl Example {
         (self.mb[12], self.mb[14], self.mb[15]) = (length, 0, command);
     }
 
-    /// Runs one PLC cycle: runs networks 5 and 6.
+    /// Runs networks 5 and 6 in one PLC cycle.
     fn call(&mut self, peripherals: &mut Peripherals) {
         self.order();
         let block = &mut self.block;
@@ -214,7 +214,8 @@ impl Example {
             block.READ_DATA7,
         ]);
         (mb[12], mb[14], mb[15]) = (block.READ_LEN, block.READ_FIFO_COUNT, block.READ_COMMAND);
-        // READ_RET_VAL overlaps MB14 and MB15 in the example.
+        // In the example, READ_RET_VAL has the addresses MB14 and MB15, so it overwrites READ_FIFO_COUNT and
+        // READ_COMMAND.
         mb[14..16].copy_from_slice(&block.READ_RET_VAL.to_be_bytes());
         let id = self.mw(0);
         if (0x181..=0x1FF).contains(&id) {
@@ -229,9 +230,9 @@ impl Example {
     }
 }
 
-/// Manual p. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers. Then it
-/// continues with a command that is not an order, and stores received frames in DB92. So READ_ENABLE must read by
-/// itself.
+/// Manual p. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers. It
+/// then continues with a command that is not an order, and stores received frames in DB92. So READ_ENABLE
+/// must read frames without an order.
 #[test]
 fn the_printed_example_of_fb4_receives() {
     let mut plc = Plc::new(0x84, &WINDOWS, 16);
@@ -257,7 +258,7 @@ fn entry(index: u16, sub: u8, ccs: u8, length: u8, data: [u8; 4]) -> Vec<u8> {
     [&index.to_be_bytes()[..], &[sub, ccs, length], &data, &[0]].concat()
 }
 
-/// Returns lists as in DB99: one entry reads, others write words and a byte, high byte first.
+/// Returns lists as in DB99. One entry reads, the others write words and a byte, high byte first.
 fn list() -> Vec<u8> {
     let mut list = [
         entry(0x1000, 0, 2, 0, [0; 4]),
@@ -314,7 +315,8 @@ fn fb1_sends_sdos() {
     assert_eq!(plc.bench.heard(), ["680: 2B 40 60 01 34 12 00 00"]);
 }
 
-/// The example of p. 82: five motors; a page of 16 octets does not have room for all, so several pages are used.
+/// The example of p. 82: five motors. A page of 16 octets has no room for all of them, so FB2 uses several
+/// pages.
 fn data_blocks_of_the_manual(blocks: &mut DataBlocks) {
     let config = |ids: [u16; 5]| {
         let records = ids.into_iter().flat_map(|id| [0, 0, (id >> 8) as u8, id as u8, 0xB8, 6]);
@@ -352,7 +354,7 @@ fn fb2_configures_and_exchanges_pages() {
     let count = |id: &str| heard.iter().filter(|frame| frame.starts_with(id)).count();
     assert_eq!((count("301:"), count("304:"), count("307:"), count("308:")), (0, 1, 0, 1));
     assert!(count("303:") > 1);
-    // Outputs: a word and a double word, low byte first on CAN.
+    // Outputs of a motor: a word and a double word, which CAN carries low byte first.
     let mut outputs = plc.blocks.get(96).unwrap().to_vec();
     outputs[2..8].copy_from_slice(&[0x12, 0x34, 0xAA, 0xBB, 0xCC, 0xDD]);
     plc.blocks.set(96, &outputs);
@@ -362,8 +364,8 @@ fn fb2_configures_and_exchanges_pages() {
     assert_eq!(plc.blocks.get(97).unwrap()[16..24], [7, 1, 1, 2, 3, 4, 5, 6]);
 }
 
-/// Configurations and data continue in the next data block (p. 63-69); the lengths are from the examples of these
-/// pages.
+/// Configurations and data continue in the next data block (p. 63-69). The lengths are those of the examples
+/// on these pages.
 #[test]
 fn fb2_continues_in_the_next_data_block() {
     let mut plc = Plc::new(0x01, &[0x80, 0x9F, 0x40, 0x9F], 32);
@@ -407,8 +409,8 @@ fn fb2_reports_the_reason_of_a_stop() {
         READ_DB: 97,
         ..Default::default()
     };
-    // Four wrong inputs: a missing data block; an identifier that is also received; an invalid length; the page of
-    // another program.
+    // Four wrong inputs: a missing data block; an identifier that is sent and received; an invalid length;
+    // the page of another program.
     plc.blocks.set(50, &[0, 0, 2, 0x81, 0, 1, 0xEE, 0xEE, 0xEE, 0xEE]);
     plc.blocks.set(51, &[0, 0, 2, 0x81, 0, 9, 0xEE, 0xEE, 0xEE, 0xEE]);
     for (config, error) in [(49, 16), (50, 2), (51, 3)] {
@@ -423,7 +425,7 @@ fn fb2_reports_the_reason_of_a_stop() {
     assert_eq!(nowhere.ERROR, 17);
 }
 
-/// The example of p. 81-86: motors 1, 3, 4, 7, 8 exist, and 1, 4 and 8 have lists.
+/// The example of p. 81-86: motors 1, 3, 4, 7 and 8 exist, and motors 1, 4 and 8 have lists.
 #[test]
 fn fb3_runs_motors() {
     let cfg = [0x80, 0x9F, 0x40, 0x9F, 0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -451,7 +453,7 @@ fn fb3_runs_motors() {
     let status = |motor: usize| plc.blocks.get(98).unwrap()[8 * (motor - 1) + 4..][..2].to_vec();
     assert_eq!([1, 3, 4, 8].map(status), [[0, 1], [0, 0], [0, 1], [0, 1]]);
     plc.bench.heard();
-    // Motor 3: always sent, control word and target position; motor 8 has sent a state and a position.
+    // Motor 3 is always sent, with control word and target position. Motor 8 has sent a state and a position.
     let mut data_block = plc.blocks.get(100).unwrap().to_vec();
     data_block[32..40].copy_from_slice(&[3, 0, 0x00, 0x0F, 0x12, 0x34, 0x56, 0x78]);
     plc.blocks.set(100, &data_block);

@@ -11,7 +11,7 @@ fn timed(flags_1: u8, wakeup: u8, sync: u16) -> Vec<u8> {
     octets
 }
 
-/// Returns a gateway in data exchange with outputs of 1, after this time.
+/// Returns a gateway that has exchanged data with outputs of 1 for `us` microseconds.
 fn started(octets: &[u8], us: u64) -> Bench {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, octets).0, mst_result::RECEIPT);
@@ -83,7 +83,7 @@ fn a_master_sends_sync() {
     assert!(heard.windows(2).all(|pair| pair[1].0 - pair[0].0 == 50 * MS), "{heard:?}");
 }
 
-/// The window can change the time; the last change counts (p. 30, 44).
+/// The window can change the SYNC time. The most recent change is valid (p. 30, 44).
 #[test]
 fn sync_times_by_the_window() {
     let mut bench = Bench::new(5);
@@ -109,7 +109,8 @@ fn sync_times_by_the_window() {
     assert_eq!(bench.heard(), Vec::<String>::new());
 }
 
-/// 8.2 p. 78: 16#0200 in octets 4 and 5 of command 20 are 512 ms, 0 ends SYNC; only a master sends SYNC (p. 42).
+/// 8.2 p. 78: 16#0200 in octets 4 and 5 of command 20 means 512 ms, and 0 ends SYNC. Only a master sends SYNC
+/// (p. 42).
 #[test]
 fn sync_of_the_example() {
     let cfg = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -133,7 +134,7 @@ fn sync_of_the_example() {
     }
 }
 
-/// 255 and 65535 keep the previous value, after power-off too (p. 29-30).
+/// The values 255 and 65535 keep the previous time, even if the supply was off in the meantime (p. 29-30).
 #[test]
 fn times_are_kept_without_supply() {
     let mut bench = started(&timed(0x04, 1, 30), 10 * MS);
@@ -153,9 +154,9 @@ fn times_are_kept_without_supply() {
     );
 }
 
-/// Manual p. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. Remote frames
-/// carry no outputs, so they do not wait for outputs. A DP master that only clears outputs receives its inputs, too
-/// (D-675).
+/// Manual p. 29, table 5.1.2: a master sends remote frames after the wake-up time, and a slave sends them
+/// after its start. Remote frames carry no outputs, so they do not wait for outputs. A DP master that only
+/// clears outputs therefore also receives its inputs (D-675).
 #[test]
 fn inputs_are_asked_for_before_there_are_outputs() {
     for (flags, then) in
@@ -175,9 +176,9 @@ fn inputs_are_asked_for_before_there_are_outputs() {
     }
 }
 
-/// Decision D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a
-/// frame on the wire is sent to its end. So no output of a configuration goes out after the end of the configuration
-/// (p. 30; D-675).
+/// Decision D-386: when data exchange ends, the waiting frames are dropped, also in the CAN controller. Only
+/// a frame on the wire is sent to its end. So the gateway sends no output of a configuration after the end of
+/// the configuration (p. 30; D-675).
 #[test]
 fn the_end_of_data_exchange_empties_the_can_controller() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();
@@ -194,7 +195,7 @@ fn the_end_of_data_exchange_empties_the_can_controller() {
             "wrong configuration" => drop(bench.ask(62, &[0x83])),
             _ => drop(bench.ask(255, &[1])),
         }
-        // The SDO request and its answer take some ms, so the gateway has already sent some frames.
+        // The SDO request and its answer take some milliseconds. In this time the gateway sends some frames.
         let before = bench.heard().len();
         bench.run(100 * MS);
         let after = bench.heard();
@@ -202,8 +203,8 @@ fn the_end_of_data_exchange_empties_the_can_controller() {
     }
 }
 
-/// Manual p. 28: the parameters set the bit rate. Frames that no station acknowledged at the previous rate are not sent
-/// at the new one (D-386).
+/// Manual p. 28: the parameters set the bit rate. Frames that no station has acknowledged at the previous
+/// rate are not sent at the new rate (D-386).
 #[test]
 fn another_bit_rate_drops_frames_of_the_previous_one() {
     let mut bench = Bench::new(5);
@@ -225,8 +226,8 @@ fn another_bit_rate_drops_frames_of_the_previous_one() {
     assert_eq!(bench.heard(), ["203: 07 07"]);
 }
 
-/// Manual p. 30, 44: the last entry of the SYNC time is valid, also in the comment of a configuration already in force
-/// (D-381, D-385).
+/// Manual p. 30, 44: the most recent setting of the SYNC time is valid. The comment of a configuration sets
+/// the time even if this configuration is already in force (D-381, D-385).
 #[test]
 fn the_same_configuration_again_sets_its_sync_time() {
     let mut bench = Bench::new(5);
@@ -245,8 +246,8 @@ fn the_same_configuration_again_sets_its_sync_time() {
     assert_eq!(bench.heard(), ["80:"; 10]);
 }
 
-/// Manual p. 29, table 5.1.2: in layer 2 wake-up and SYNC times from any source are ignored, so the stored times are
-/// unchanged (D-720).
+/// Manual p. 29, table 5.1.2: in layer 2 the gateway ignores wake-up and SYNC times from any source. So the
+/// stored times do not change (D-720).
 #[test]
 fn in_layer_2_the_stored_times_are_unchanged() {
     let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -265,8 +266,8 @@ fn in_layer_2_the_stored_times_are_unchanged() {
     }
 }
 
-/// Manual p. 29-30: 255 and 65535 mean the stored times and are not stored; a register with such a value gets the
-/// stored time again (D-370).
+/// Manual p. 29-30: 255 and 65535 mean the stored times and are not stored themselves. If a program writes
+/// such a value into a register, the firmware replaces it by the stored time (D-370).
 #[test]
 fn values_for_stored_times_are_replaced_by_the_stored_times() {
     let mut bench = Bench::new(5);
@@ -292,12 +293,12 @@ fn values_for_stored_times_are_replaced_by_the_stored_times() {
     assert_eq!(times(&bench), (6, 5));
 }
 
-/// Manual p. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends only the
-/// start frame, the boot-up message and remote frames (p. 28-29; D-675), so no drive receives a control word of 0
-/// during the parameters.
+/// Manual p. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends
+/// only the start frame, the boot-up message and remote frames (p. 28-29; D-675). So no drive receives a
+/// control word of 0 while the parameters are sent.
 #[test]
 fn no_data_are_sent_before_the_first_outputs() {
-    // An output with a cycle of 20 ms, one without, an input.
+    // The configuration: an output with a cycle of 20 ms, an output without a cycle, an input.
     let cfg = [0x85, 1, 2, 3, 0, 0, 20, 0x83, 0, 2, 4, 0, 0x43, 1, 2, 0x89, 0];
     let asked = "289: remote 2";
     for (flags, start) in [(0x04, &[asked][..]), (0x06, &["0: 01 00", asked]), (0x08, &["85:"]), (0x00, &[])]
@@ -308,8 +309,8 @@ fn no_data_are_sent_before_the_first_outputs() {
             bench.ask(62, &cfg);
             bench.run(100 * MS);
             assert_eq!(bench.heard(), start, "flags 16#{flags:02X}, round {round}");
-            // Cleared outputs do not count as outputs, however they were cleared (D-387). A start without outputs sends
-            // no frames.
+            // Cleared outputs do not count as outputs, no matter which of the two ways cleared them (D-387).
+            // A start without outputs sends no frames.
             bench.exchange(&[]);
             bench.ask(58, &[2, 0]);
             let at_start: &[&str] = if flags == 0x08 { &[asked] } else { &[] };
@@ -332,7 +333,7 @@ fn no_data_are_sent_before_the_first_outputs() {
             assert_eq!(count("203: 00 07"), 5, "every 20 ms: {heard:?}");
             assert_eq!(count("80:"), if flags & 0x04 == 0 { 0 } else { 10 }, "{heard:?}");
         }
-        // A start without data exchange sends nothing, like a start without outputs (D-386).
+        // If data exchange has not begun, a start sends no data, as if there were no outputs (D-386).
         bench.ask(61, &timed(flags, 0, 10));
         bench.send(data(0, &[1, 5]));
         bench.run(100 * MS);
@@ -340,9 +341,9 @@ fn no_data_are_sent_before_the_first_outputs() {
     }
 }
 
-/// Manual p. 30, 39, 44: the parameters, octets 4 and 5 of a window's comment, and command 20 all set the SYNC time.
-/// The last setting is valid. 0 switches SYNC off, and 16#FFFF keeps the stored time, even if no time was stored
-/// (D-385).
+/// Manual p. 30, 39, 44: the parameters, octets 4 and 5 of a window's comment, and command 20 all set the
+/// SYNC time. The most recent setting is valid. 0 switches SYNC off. 16#FFFF keeps the stored time, even if
+/// no time was stored (D-385).
 #[test]
 fn all_sources_of_a_sync_time_have_the_same_rule() {
     for stored in [0, 20] {
@@ -378,8 +379,8 @@ fn all_sources_of_a_sync_time_have_the_same_rule() {
     }
 }
 
-/// Manual p. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, only
-/// one SYNC object waits (D-676).
+/// Manual p. 44: a SYNC object waits until the frames of a DP telegram are sent. Even if they take longer
+/// than the SYNC time, only one SYNC object waits (D-676).
 #[test]
 fn sync_objects_do_not_pile_up() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();

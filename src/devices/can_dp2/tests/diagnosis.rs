@@ -20,8 +20,8 @@ impl Bench {
     }
 }
 
-/// The diagnosis after wrong parameters has bits 6 and 3 in its first octet, and 3D with the number of the wrong octet
-/// and the right value; the slave keeps waiting for parameters.
+/// After wrong parameters, bits 6 and 3 are set in the first octet of the diagnosis. 3D follows in a later
+/// octet, with the number of the wrong octet and the right value. The slave continues to wait for parameters.
 #[test]
 fn wrong_parameters() {
     let mut bench = Bench::new(5);
@@ -35,12 +35,12 @@ fn wrong_parameters() {
         assert_eq!(bench.diag(), expected, "octet {number}");
         assert_eq!(bench.front(FRONT_LED_E), 3);
     }
-    // Bit 4 in addition: an unsupported function (p. 10, 17).
+    // Bit 4 is also set, because the telegram requests an unsupported function (p. 10, 17).
     let mut freeze = prm(0, 0);
     freeze[0] |= 0x10;
     bench.ask(61, &freeze);
     assert_eq!(bench.diag(), [0x5A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 0, 0x80]);
-    // A watchdog in use has a time: both factors are at least 1 (D-373).
+    // If the watchdog is on, it must have a time: both factors are at least 1 (D-373).
     let mut watched = prm(0, 0);
     watched[0] |= 0x08;
     for number in [1, 2] {
@@ -50,8 +50,8 @@ fn wrong_parameters() {
     }
     bench.ask(61, &[0x80, 0, 0, 11, 0x04, 0xA4, 0]);
     assert_eq!(bench.diag()[8..], [0x3D, 7, 0], "too short");
-    // The device description file of another device: the wrong ident number is reported, and Freeze in addition (p. 17,
-    // 20-21).
+    // Parameters from the device description file of another device. The diagnosis reports the wrong ident
+    // number, and also Freeze (p. 17, 20-21).
     let mut others = vec![0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60, 0x00];
     bench.ask(61, &others);
     assert_eq!(bench.diag(), [0x4A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 4, 4]);
@@ -62,8 +62,9 @@ fn wrong_parameters() {
     assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "the fault is gone");
 }
 
-/// The diagnosis after a wrong configuration has bits 2 and 3 in its first octet, and 3E with the number of the module
-/// and a code; LED E shows that the slave waits for a configuration (D-381).
+/// After a wrong configuration, bits 2 and 3 are set in the first octet of the diagnosis. 3E follows in a
+/// later octet, with the number of the module and a code. LED E shows that the slave waits for a
+/// configuration (D-381).
 #[test]
 fn wrong_configurations() {
     let mut bench = Bench::new(5);
@@ -94,14 +95,14 @@ fn a_wrong_configuration_ends_data_exchange() {
     assert_eq!((bench.diag()[0], bench.registers.outputs(2)), (0x0E, vec![0, 0]));
     bench.ask(62, &CFG);
     assert_eq!(bench.diag()[0], 0);
-    // The master sends the configuration that is in force once more, which has no effect.
+    // The master repeats the configuration that is in force. This has no effect.
     bench.exchange(&[1, 2]);
     bench.ask(62, &CFG);
     assert_eq!(bench.registers.outputs(2), [1, 2]);
 }
 
-/// With CAN-Diagnosis the diagnosis also contains the state of the bus, and a change of the state or a counter gives an
-/// answer of high priority (p. 20, 29).
+/// With CAN-Diagnosis the diagnosis also contains the state of the bus. After a change of the state or of a
+/// counter, the next answer has high priority (p. 20, 29).
 #[test]
 fn lost_frames_are_reported() {
     let window = [0x43, 0x8F, 0xFF, 0xEF, 0, 0x83, 0x8F, 0xFF, 0xEF, 0];
@@ -122,8 +123,8 @@ fn lost_frames_are_reported() {
     assert_eq!(bench.ask(255, &enable).0, mst_result::DATA);
 }
 
-/// No station acknowledges the frames. The error counter rises until the station is passive, and no further (p. 15,
-/// 20).
+/// No station acknowledges the frames. The error counter rises until the station is error-passive, and then
+/// stays constant (p. 15, 20).
 #[test]
 fn states_of_the_can_bus() {
     let mut bench = Bench::exchanging(0, 1, &CFG);
@@ -136,7 +137,7 @@ fn states_of_the_can_bus() {
     assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "no request in between");
     assert_eq!(bench.ask(255, &[1, 2]).0, mst_result::DATA_AND_DIAGNOSIS);
     assert_eq!(bench.diag(), [0x08, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x80, 0, 0]);
-    // Another station is switched on: now the frame is acknowledged, and the counter of errors falls.
+    // Another station is switched on. It acknowledges the frame, so the error counter falls.
     bench.buses[bus].power_on(station, 0, bench.now, &mut bench.journal);
     bench.run(10 * MS);
     for number in 0..=128 {
@@ -146,7 +147,8 @@ fn states_of_the_can_bus() {
     assert_eq!((bench.front(FRONT_LED_C), bench.diag()[0]), (1, 0x00));
 }
 
-/// A receipt cannot announce a diagnosis; a slave without inputs then answers with a telegram without data.
+/// A receipt cannot announce a diagnosis. So a slave without inputs then answers with a telegram without
+/// data.
 #[test]
 fn a_slave_without_inputs_announces_a_diagnosis_too() {
     let mut bench = Bench::exchanging(0, 1, &[0x83, 0, 2, 3, 0]);
@@ -160,8 +162,9 @@ fn a_slave_without_inputs_announces_a_diagnosis_too() {
     assert_eq!(bench.ask(255, &[1]), (mst_result::RECEIPT, vec![]));
 }
 
-/// The four states of the bus with both counters in octets 9 and 10, each announced by an answer of high priority; LED C has a code for each
-/// (p. 15, 20-21). Error frames count 8 each: 12 are a warning, 16 error passive, 32 BUS-off.
+/// The four states of the bus. Octets 9 and 10 contain both counters, an answer of high priority announces
+/// each state, and LED C has a code for each state (p. 15, 20-21). Each error frame adds 8 to the error
+/// counter: 12 error frames give a warning, 16 error-passive, 32 BUS-off.
 #[test]
 fn the_four_states_of_the_bus() {
     for (errors, state, led) in [(0, 0x00, 1), (14, 0x40, 2), (20, 0x80, 3), (32, 0xC0, 4)] {
@@ -209,9 +212,10 @@ fn without_can_diagnosis_only_the_led_shows_the_state() {
     assert_eq!((bench.ask(255, &[1, 1]).0, bench.diag().len()), (mst_result::DATA, 6));
 }
 
-/// Configuration by COM PROFIBUS for the S5 (8.1, p. 74-75; D-468): two octets, for example 67 and 135, then the three
-/// octets of the comment. The last of the three is the format byte (`form`). The table of the manual prints 64 in place
-/// of 67. 64 announces no comment, so the module has no identifier (code 4).
+/// The configuration that COM PROFIBUS makes for the S5 (8.1, p. 74-75; D-468): two octets, for example 67
+/// and 135, then the three octets of the comment. The last of the three is the format byte (`form`). The
+/// table of the manual prints 64 instead of 67. 64 announces no comment, so the module has no identifier
+/// (code 4).
 #[test]
 fn the_s5_variant() {
     let mut bench = Bench::exchanging(0, 0, &[67, 135, 0x02, 0x89, 0xB8, 131, 135, 0x03, 0x09, 0xB8]);

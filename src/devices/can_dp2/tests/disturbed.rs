@@ -1,4 +1,5 @@
-//! The master in the registers and the slave on a disturbed line: each kind of fault of a PROFIBUS.
+//! The master in the registers and the slave on a disturbed line. Each kind of fault of a PROFIBUS has a
+//! test.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
@@ -28,7 +29,7 @@ impl Bench {
         self.journal.records().filter(|record| record.event.is::<T>()).count()
     }
 
-    /// Returns the result of an exchange of data, and how many telegrams it took.
+    /// Exchanges data once; returns the result and the number of telegrams.
     fn exchanged(&mut self) -> (u8, usize) {
         let before = self.count::<DpTelegram>();
         let (result, _) = self.ask(255, &OUTPUTS);
@@ -64,7 +65,7 @@ fn a_lost_answer_is_repeated_by_the_slave() {
 #[test]
 fn a_late_answer_comes_too_late_for_the_request() {
     let mut bench = exchanging();
-    // The master waits 300 bits and 266 octets: 6.5 ms.
+    // The master waits for an answer for 300 bits and the time of 266 octets: 6.5 ms.
     bench.disturb("delay_telegram", &[("what", 1), ("delay_us", 2_000)], Some(1));
     assert_eq!(bench.exchanged(), (mst_result::DATA, 2), "late, but in time");
     bench.disturb("delay_telegram", &[("what", 1), ("delay_us", 50_000)], Some(2));
@@ -99,7 +100,8 @@ fn a_garbled_telegram_is_ignored_and_repeated() {
     }
 }
 
-/// The slave takes the request for a repetition: it repeats its previous answer and does not take the outputs.
+/// Because of the frame count bit, the slave takes the request for a repetition. It repeats its previous
+/// answer and ignores the outputs.
 #[test]
 fn outputs_with_a_wrong_frame_count_bit_are_not_taken() {
     let mut bench = exchanging();
@@ -107,8 +109,8 @@ fn outputs_with_a_wrong_frame_count_bit_are_not_taken() {
     assert_eq!(bench.ask(255, &[0x56, 0x78]).0, mst_result::DATA);
     assert_eq!(bench.registers.outputs(2), OUTPUTS);
     assert!(bench.faults.is_empty());
-    // The master has toggled its frame count bit, and the slave has not taken the request. So the next request has the
-    // bit of the last request that the slave took.
+    // The master has toggled its frame count bit, but the slave has not taken the request. So the frame count
+    // bit of the next request equals that of the last request that the slave took.
     assert_eq!(bench.ask(255, &[0x9A, 0xBC]).0, mst_result::DATA);
     assert_eq!(bench.registers.outputs(2), OUTPUTS);
     assert_eq!(bench.ask(255, &[0xDE, 0xF0]).0, mst_result::DATA);
@@ -122,7 +124,7 @@ fn a_silent_slave_is_not_there_and_its_master_counts_as_gone() {
     assert_eq!(bench.exchanged(), (mst_result::NO_ANSWER, 2), "two requests");
     bench.faults = Faults::default();
     assert_eq!(bench.exchanged(), (mst_result::DATA, 2), "it has taken all requests");
-    // The master itself is silent, so the slave receives nothing.
+    // The master itself does not send, so the slave receives nothing.
     bench.disturb("silent_station", &[("station", 1)], None);
     assert_eq!(bench.exchanged(), (mst_result::NO_ANSWER, 0));
 }

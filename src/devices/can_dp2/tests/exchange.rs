@@ -48,8 +48,8 @@ fn frames_become_inputs() {
     bench.send(data(0x28A, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.exchange(&[0, 0]), [0x55, 0x66]);
-    // A received frame that is shorter than the input leaves the remaining bytes unchanged. Of a longer frame only the
-    // first bytes are used (D-388).
+    // If a received frame is shorter than the input, the remaining bytes of the input do not change. Of a
+    // longer frame, only the first bytes are used (D-388).
     bench.send(data(0x289, &[0x77]));
     bench.run(10 * MS);
     assert_eq!(bench.ask(56, &[]).1, [0x77, 0x66]);
@@ -91,7 +91,7 @@ fn cyclic_outputs_are_repeated() {
     let heard = bench.heard_at();
     let gaps: Vec<u64> = heard.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     assert_eq!((heard.len(), gaps), (6, vec![50 * MS; 5]));
-    // A changed value is sent at once, and the cycle continues unchanged.
+    // A changed value is sent at once. The times of the cyclic transmissions do not change.
     bench.exchange(&[2]);
     bench.run(300 * MS);
     assert_eq!(bench.heard(), ["203: 02"; 7]);
@@ -177,7 +177,8 @@ fn a_communication_window_follows_the_examples() {
     assert_eq!(bench.heard(), ["0: 01 00"]);
 }
 
-/// No station acknowledges: the number of waiting frames is limited, and lost frames are counted (D-390).
+/// If no station acknowledges the frames, the number of waiting frames is limited, and lost frames are
+/// counted (D-390).
 #[test]
 fn the_number_of_waiting_frames_is_limited() {
     let mut bench = Bench::exchanging(0, 0, &CFG);

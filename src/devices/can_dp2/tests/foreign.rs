@@ -1,5 +1,5 @@
-//! A foreign DP master commands the slave: `profirust` over its own simulated line, which checks the time before an
-//! answer and passes octets on one by one.
+//! A foreign DP master commands the slave. The master is `profirust` on its own simulated line, which checks
+//! the time before an answer and passes octets on one by one.
 
 use super::*;
 use crate::devices::can_dp2::firmware::dp_port::DpPort;
@@ -16,7 +16,7 @@ use profirust::fdl::{FdlActiveStation, ParametersBuilder};
 use profirust::phy::{ProfibusPhy, SimulatorPhy};
 use profirust::time::{Duration, Instant};
 
-/// The user's octets of Set_Prm as in the device description file, with CAN-Diagnosis on.
+/// The user's octets of Set_Prm. They are those of the device description file, but with CAN-Diagnosis on.
 const USER: [u8; 9] = [0, 6, 0, 1, 1, 0, 0, 0, 0];
 
 /// The master, the slave and the line between them.
@@ -87,7 +87,8 @@ impl Ring {
         }
     }
 
-    /// Advances the time by one step; the master works or is silent.
+    /// Advances the time by one step. With `is_working`, the master works during this step; otherwise it is
+    /// silent.
     fn step(&mut self, is_working: bool) {
         self.now += u64::from(1_000_000 / self.rate.bit_s() / 2).max(1);
         let now = Instant::from_micros(i64::try_from(self.now).unwrap());
@@ -121,7 +122,8 @@ impl Ring {
                 Some(Ok((_, length))) => (length, Some(Telegram::parse(&octets[..length]).unwrap())),
             });
         if let Some(telegram) = telegram {
-            // On this line the last octet is available up to half a bit before its end.
+            // On this line the last octet is available up to half a bit before its end, so the line is
+            // advanced by one more bit.
             self.line.at(self.rate.bits_at(self.now) + 1);
             self.slave.heard(ctx, &mut self.line, &telegram);
             self.answer = self.line.intended();
@@ -144,7 +146,7 @@ impl Ring {
         self.dp.get_mut(self.handle)
     }
 
-    /// Returns the module's own diagnosis as the master has it.
+    /// Returns the module's own diagnosis that the master has read.
     fn own_diagnosis(&mut self) -> Vec<u8> {
         let diagnostics = self.peripheral().last_diagnostics();
         diagnostics.map_or_else(Vec::new, |it| {

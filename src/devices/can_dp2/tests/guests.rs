@@ -21,7 +21,7 @@ struct Foreign {
 }
 
 impl Foreign {
-    /// Joins as the guest with this number, which is also its address.
+    /// Joins the bus as the guest with this number. The number is also the guest's address.
     fn come(bench: &mut Bench, number: u8) -> Self {
         let receiver = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
@@ -101,7 +101,7 @@ fn a_foreign_master_commands_the_slave() {
     assert_eq!(bench.heard(), ["203: 12 34"]);
 }
 
-/// In data exchange the slave answers read requests of every master, and keeps its own master.
+/// In data exchange the slave answers read requests of every master. It still belongs to its own master.
 #[test]
 fn a_second_master_reads_inputs_outputs_and_configuration() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
@@ -156,7 +156,8 @@ fn a_telegram_without_a_time_waits_for_an_idle_line() {
     one.send(&mut bench, 0, &[0xE5]);
     bench.run(MS);
     let heard: Vec<_> = core::iter::from_fn(|| listener.hear()).collect();
-    // After the first telegram, an answer may begin sooner than a request or a token.
+    // After the first telegram, the minimum pause before an answer is shorter than before a request or a
+    // token.
     let (second, third) = (10 + 33 + MIN_TSDR_BITS, 10 + 33 + MIN_TSDR_BITS + 11 + SYN_BITS);
     assert_eq!(
         heard,
@@ -177,14 +178,14 @@ fn collisions_are_not_passed_to_guests() {
     other.send(&mut bench, 110, &[0xDC, 3, 3]);
     bench.run(MS);
     assert_eq!((one.hear(), other.hear(), listener.hear()), (None, None, None));
-    // Octets that are not a telegram are passed on unchanged; stations ignore them.
+    // Octets that are not a telegram are sent unchanged. The stations ignore them.
     one.send(&mut bench, 0, &[0x10, 5, 2, 0x49, 0, 0x16]);
     bench.run(MS);
     assert_eq!(listener.hear().unwrap().octets, [0x10, 5, 2, 0x49, 0, 0x16]);
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
 }
 
-/// Between a request and the end of its slot no other station sends a request.
+/// From a request until the end of its slot, no other station sends a request.
 #[test]
 fn the_line_is_reserved_for_an_answer() {
     for (factor, slot_bits) in [(1, 200), (50, 10_000)] {
@@ -201,8 +202,9 @@ fn the_line_is_reserved_for_an_answer() {
     }
 }
 
-/// The line is reserved for an answer, so an answer never waits for the end of the slot: neither a receipt nor the
-/// status of a slave, of a master that wants to enter a ring, or of a master in the ring (D-358).
+/// The line is reserved for an answer, so an answer never waits for the end of the slot. This is true for a
+/// receipt, and for the status of a slave, of a master that wants to enter a ring, and of a master in the
+/// ring (D-358).
 #[test]
 fn an_answer_does_not_wait_for_the_end_of_its_slot() {
     let status = |fc: u8| vec![0x10, 2, 9, fc, fc.wrapping_add(11), 0x16];
@@ -226,8 +228,8 @@ fn an_answer_does_not_wait_for_the_end_of_its_slot() {
     }
 }
 
-/// The line is idle for 33 bits (T_SYN) before a request, and for 11 before an answer: a guest's telegram with an
-/// earlier bit time is reported.
+/// The line must be idle for 33 bits (T_SYN) before a request, and for 11 bits before an answer. If a guest's
+/// telegram has an earlier bit time, this is reported.
 #[test]
 fn a_telegram_that_begins_too_soon_is_reported() {
     use crate::check::rules::GUEST_EARLY;
@@ -252,7 +254,7 @@ fn a_telegram_that_begins_too_soon_is_reported() {
     }
 }
 
-/// A distant bit time would hold back all later telegrams of the guest (D-677).
+/// A telegram for a distant bit time would delay all later telegrams of the guest (D-677).
 #[test]
 fn a_telegram_for_a_distant_time_is_refused() {
     use crate::check::rules::GUEST_TIME;
@@ -275,8 +277,8 @@ fn a_telegram_for_a_distant_time_is_refused() {
     master.send(&mut bench, most, &[0xDC, 2, 2]);
 }
 
-/// A DP slave has SRD and SDN. It refuses SDA with a code and without data, and ignores a request with a reserved bit
-/// (D-679).
+/// A DP slave has the services SRD and SDN. It refuses SDA with a code and without data. It ignores a request
+/// with a reserved bit (D-679).
 #[test]
 fn unsupported_services_get_no_data() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
@@ -309,7 +311,7 @@ fn unsupported_services_get_no_data() {
     assert_eq!(bench.exchange(&[1, 2]), [0, 0]);
 }
 
-/// The watchdog of a slave after its master has disconnected.
+/// When the master has disconnected, the watchdog of the slave runs out.
 #[test]
 fn the_watchdog_stops_a_slave_without_its_master() {
     let mut bench = Bench::new(5);

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// A page of 32 octets each way, and a window after it as in figure 6.4.2: without an identifier.
+/// A page of 32 octets in each direction. `WITH_WINDOW` has a window after it, without an identifier, as in
+/// figure 6.4.2.
 const CFG_PAGES: [u8; 4] = [0x40, 0x9F, 0x80, 0x9F];
 const WITH_WINDOW: [u8; 6] = [0x40, 0x9F, 0x80, 0x9F, 0x9F, 0xAF];
 
@@ -15,7 +16,8 @@ fn page(number: u16, counter: u8, carried: &[u8]) -> Vec<u8> {
     page
 }
 
-/// Returns a bench whose gateway is configured to send the frame 203h with 2 bytes and to receive 301h with 2 bytes.
+/// Returns a bench with a configured gateway. The gateway sends the frame 203h with 2 bytes and receives 301h
+/// with 2 bytes.
 fn configured(flags: u8) -> Bench {
     let mut bench = Bench::exchanging(flags, 0, &CFG_PAGES);
     let inputs = bench.exchange(&page(0, 1, &[]));
@@ -37,7 +39,8 @@ fn identifiers_are_exchanged_by_pages() {
     bench.send(data(0x302, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 34 12"]);
-    // The gateway had filled the input page when it handled the output page. So the next input page has the frame.
+    // The gateway fills the input page when it handles the output page. The frame arrived after that, so only
+    // the next input page contains it.
     assert_eq!(bench.exchange(&page(251, 4, &[2, 0x12, 0x34]))[8..11], [0, 0, 0]);
     assert_eq!(bench.exchange(&page(251, 5, &[2, 0x12, 0x34]))[8..11], [1, 0x66, 0x55]);
     bench.run(10 * MS);
@@ -50,8 +53,8 @@ fn identifiers_are_exchanged_by_pages() {
     assert_eq!(bench.heard(), ["203: 01 00"]);
 }
 
-/// A CANopen master sends one remote frame for each input of its pages, as for modules (p. 29); outputs wait for their
-/// pages.
+/// A CANopen master sends one remote frame for each input of its pages, as for modules (p. 29). It sends
+/// outputs only when their pages have arrived.
 #[test]
 fn a_canopen_master_requests_the_inputs_of_its_pages() {
     let mut bench = configured(0x07);
@@ -82,8 +85,8 @@ fn invalid_segments_are_refused() {
     let mut bench = Bench::new(5);
     bench.ask(61, &prm(0x81, 0));
     for (cfg, module, code) in [
-        // Four configurations: less than 32 inputs; a shorter segment before the last one; a longer segment; no
-        // outputs.
+        // Four configurations: less than 32 inputs; a short segment before the last segment; a segment that
+        // is too long; no outputs.
         (&[0x9F, 0x80, 0x9F][..], 0, 3),
         (&[0x40, 0x90, 0x40, 0x9F, 0x80, 0x9F], 0, 3),
         (&[0x40, 0xA0, 0x80, 0x9F], 0, 3),
@@ -100,7 +103,7 @@ fn invalid_segments_are_refused() {
         bench.ask(62, cfg);
         assert_eq!(bench.diag()[8..], [0x3E, module, code], "{cfg:02X?}");
     }
-    // 7 segments of 32 octets are 224: an eighth does not fit (p. 10).
+    // 7 segments of 32 octets are 224 octets. An eighth segment would exceed the maximum (p. 10).
     let segments =
         |inputs: usize, outputs: usize| [[0x40, 0x9F].repeat(inputs), [0x80, 0x9F].repeat(outputs)].concat();
     bench.ask(62, &segments(7, 2));

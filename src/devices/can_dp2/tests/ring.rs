@@ -1,6 +1,6 @@
-//! Two foreign DP masters pass a token to each other. They are on the PROFIBUS segment with the gateway and a foreign
-//! slave. The masters and the foreign slave use `profirust` as programs at the door of the segment: they receive
-//! telegrams at the end of these, and send their own as soon as the line is free.
+//! Two foreign DP masters pass a token to each other. They are on the PROFIBUS segment with the gateway and a
+//! foreign slave. The masters and the foreign slave use `profirust` as programs at the door of the segment.
+//! These programs receive each telegram at its end, and send their own telegrams as soon as the line is free.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
@@ -52,12 +52,12 @@ impl Door {
     }
 }
 
-/// A serial line whose other end is the door.
+/// A serial line. The door is its other end.
 struct Phy {
     rate: BusRate,
     heard: Vec<u8>,
     to_say: Option<Vec<u8>>,
-    /// The octets that the program has sent are on the line until this microsecond.
+    /// Time in microseconds until which the octets of the program are on the line.
     busy_until: u64,
 }
 
@@ -145,7 +145,7 @@ impl Master {
 /// A program that acts as a slave: it acknowledges requests and sends back its outputs plus one.
 struct Slave {
     door: Door,
-    /// Bits before its answer, in addition to the shortest T_SDR.
+    /// Bits that pass before its answer, in addition to the shortest T_SDR.
     lag: u64,
     /// Time and octets of the next answer.
     answer: Option<(u64, Vec<u8>)>,
@@ -255,7 +255,8 @@ fn two_foreign_masters_share_a_fast_segment() {
     }
 }
 
-/// A program that takes longer than the usual slot time needs a factor, and masters with the same slot time.
+/// A program that takes longer than the usual slot time needs a factor for the slot time. The masters must
+/// use the longer slot time, too.
 #[test]
 fn a_slow_foreign_slave_answers_within_a_longer_slot() {
     exchanges(Baudrate::B500000, 20, 200 * 20, 200 * 10);

@@ -6,7 +6,7 @@ use crate::door::BusMessage;
 use crate::journal::Rule;
 use crate::profibus::Telegram;
 
-/// Returns the broken rules, and their bytes of the image.
+/// Returns the broken rules, each with the offset of the register in the image.
 fn broken(bench: &Bench) -> Vec<(&'static str, u32)> {
     bench.journal.findings().iter().map(|entry| (entry.last.rule.id(), entry.last.offset)).collect()
 }
@@ -18,7 +18,7 @@ fn at(name: &str) -> u32 {
     place.offset()
 }
 
-/// Starts a request and lets the program write before the answer.
+/// Starts a request and lets the program write registers before the answer.
 fn meddled(write: impl FnOnce(&CAN_DP2_MST)) -> Bench {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.mst.mst_dsap.store(255);
@@ -57,7 +57,7 @@ fn answered_from(address: u8) -> Bench {
     bench
 }
 
-/// A foreign master sends a request to another slave from this address.
+/// Returns a bench in which a foreign master with this address has sent a request to another slave.
 fn asked_from(address: u8) -> Bench {
     let mut bench = exchanging(&CFG);
     assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
@@ -69,7 +69,7 @@ fn asked_from(address: u8) -> Bench {
     bench
 }
 
-/// A master that has sent no request has no address that others could share (D-721).
+/// A master that has sent no request uses no address, so no other station can share its address (D-721).
 #[test]
 fn a_master_that_asks_nothing_shares_no_address() {
     let mut bench = Bench::new(5);
@@ -85,8 +85,8 @@ fn a_master_that_asks_nothing_shares_no_address() {
     assert_eq!(broken(&bench), [], "it has heard none since");
 }
 
-/// Manual p. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
-/// identifiers in page mode.
+/// Manual p. 39: a window has one module in each direction, is consistent over its whole length, and has the
+/// format byte 00. Figure 6.4.2 shows it without identifiers in page mode.
 #[test]
 fn each_wrong_window_is_reported() {
     let (input, output) = ([0x43, 0x8F, 0xFF, 0xEF, 0], [0x83, 0x8F, 0xFF, 0xEF, 0]);

@@ -32,8 +32,8 @@ fn states_up_to_data_exchange_follow_the_manual() {
     let mut bench = Bench::new(5);
     let state = |bench: &Bench| (bench.registers.diag.dp_state.load(), bench.front(FRONT_LED_E));
     assert_eq!(state(&bench), (dp_state::BAUD_SEARCH, 1));
-    // The slave uses the first telegram to detect the bit rate. The master sends the telegram once more, and the slave
-    // answers it.
+    // The slave uses the first telegram only to detect the bit rate. So the master sends the telegram again,
+    // and the slave answers it.
     assert_eq!(bench.ask(254, &[]).0, mst_result::STATUS);
     assert_eq!(state(&bench), (dp_state::WAIT_PRM, 3));
     assert_eq!(bench.ask(255, &[0, 0]).0, mst_result::NOT_ACTIVATED);
@@ -115,7 +115,7 @@ fn the_watchdog_ends_data_exchange() {
     assert_eq!(bench.front(FRONT_LED_E), 1, "it searches");
     assert_eq!(bench.registers.outputs(2), [0, 0]);
     assert_eq!(bench.diag(), [0x02, 0x05, 0x00, 0xFF, 0x04, 0xA4]);
-    // The gateway sends nothing on CAN until the next start, and works after it.
+    // The gateway sends nothing on CAN until the next start. After this start it works as before.
     bench.heard();
     bench.run(100 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new());

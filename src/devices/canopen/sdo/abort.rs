@@ -9,7 +9,7 @@ pub(crate) enum Abort {
     Toggle,
     /// No answer arrived within the time.
     TimeOut,
-    /// The command is unknown, or belongs to no transfer in progress.
+    /// The command is unknown, or no transfer in progress can have this command.
     Command,
     /// The node is out of memory.
     Memory,

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 pub(crate) enum Step {
     /// The transfer continues: this frame is to be sent.
     Send(Data),
-    /// The transfer is complete, with the data that were read; empty after a write.
+    /// The transfer is complete. After a read, the field contains the data; after a write, it is empty.
     Done(Vec<u8>),
     /// The server has aborted the transfer, with this code.
     Aborted(u32),
-    /// The answer is wrong. The frame must be sent, and the transfer has ended.
+    /// The answer is wrong and the transfer has ended. The frame, an abort, must be sent to the server.
     Failed(Abort, Data),
     /// The answer belongs to another transfer.
     Ignored,
@@ -27,7 +27,7 @@ enum ClientPhase {
     ReadSegments { data: Vec<u8>, announced: Option<usize> },
     /// The client waits for the answer to a write with all of its data.
     Write,
-    /// Segments of a write; `rest`: bytes still to be sent after the present segment.
+    /// Segments of a write. `rest` contains the bytes that follow the present segment.
     WriteSegments { rest: Vec<u8>, is_first: bool },
 }
 

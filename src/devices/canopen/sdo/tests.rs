@@ -69,7 +69,7 @@ fn read(server: &mut Server, entries: &mut Entries, at: EntryAddress) -> Vec<u8>
     value
 }
 
-/// Writes an entry in segments as a client does; all answers but the last must be right.
+/// Writes an entry in segments as a client does. All answers except the last must be right.
 fn write(
     server: &mut Server,
     entries: &mut Entries,
@@ -184,7 +184,8 @@ fn request() -> impl Strategy<Value = Data> {
     ]
 }
 
-/// For any requests: each request, except an abort, has one answer, and the entries keep valid values.
+/// Each request except an abort gets exactly one answer, and the entries keep valid values. This is true for
+/// any requests.
 fn each_request_has_one_answer(requests: &[Data]) {
     let (mut server, mut entries) = (Server::default(), Entries::default());
     for request in requests {
@@ -201,7 +202,8 @@ fn fuzz_sdo_server() {
     crate::fuzz("sdo_server", |bytes| each_request_has_one_answer(bytes.as_chunks().0));
 }
 
-/// The first byte gives the number of bytes to write, or that a block is read. These bytes and the answers follow.
+/// The input of the fuzzer: the first byte gives the number of bytes to write, or means that a block is read.
+/// The bytes to write and the answers follow.
 #[test]
 fn fuzz_sdo_client() {
     crate::fuzz("sdo_client", |bytes| {
@@ -230,7 +232,7 @@ proptest! {
     }
 }
 
-/// Carries a transfer out between a client and the server.
+/// Runs a complete transfer between a client and the server.
 fn carry_out(server: &mut Server, entries: &mut Entries, (mut client, mut request): (Client, Data)) -> Step {
     loop {
         let answer = server.request(request, entries).unwrap();
@@ -324,7 +326,7 @@ proptest! {
     }
 }
 
-/// For any answers: a transfer ends after as many answers as its data have segments, or continues to wait.
+/// With any answers, a transfer either ends after as many answers as its data have segments, or still waits.
 fn check_answers(mut client: Client, answers: &[Data]) {
     for answer in answers {
         match client.answered(*answer) {

@@ -6,7 +6,8 @@ use crate::devices::can_dp2::firmware::parameters::Parameters;
 use crate::devices::can_dp2::page::{HEAD, MARK, RECORD, SEGMENT};
 use core::ops::Range;
 
-/// Returns the kind of a module without an identifier; a module with an identifier is not a segment.
+/// Returns the function of a module without an identifier. A module with an identifier is an error, because
+/// segments of pages have none.
 pub(super) fn kind(written: &RawModule<'_>) -> Result<ModuleFunction, CfgError> {
     match (written.comment, written.is_input) {
         ([], true) => Ok(ModuleFunction::PageInput),
@@ -16,8 +17,8 @@ pub(super) fn kind(written: &RawModule<'_>) -> Result<ModuleFunction, CfgError> 
 }
 
 impl Configuration {
-    /// Checks the rules of p. 54 for all modules. A Communication Window is the last module of each direction; figure
-    /// 6.4.2 shows it without its identifier.
+    /// Checks the rules of p. 54 for all modules. A Communication Window must be the last module of each
+    /// direction. It has no identifier, as in figure 6.4.2.
     pub(super) fn close_pages(&mut self, parameters: &Parameters) -> Result<(), CfgFault> {
         let has_window = self.modules.iter().any(Module::is_window);
         if let [.., one, other] = &mut self.modules[..]

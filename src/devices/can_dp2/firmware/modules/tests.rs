@@ -124,7 +124,7 @@ fn a_station_has_its_limits() {
     let inputs = |bytes: u8, count: usize| [0x43, bytes - 1, 2, 0, 0].repeat(count);
     assert_eq!(read(&outputs(1, MODULES)).unwrap().outputs, MODULES);
     assert_eq!(error(&outputs(1, MODULES + 1)), (48, 1));
-    // 30 * 8 + 4 = 244 octets in one direction, 300 in both.
+    // 30 * 8 + 4 = 244 octets is the maximum of one direction; 300 is the maximum of both together.
     let full = [outputs(8, 30), outputs(4, 1)].concat();
     assert_eq!(read(&full).unwrap().outputs, 244);
     assert_eq!(error(&[full.clone(), outputs(1, 1)].concat()), (31, 3));

@@ -28,7 +28,7 @@ impl Master {
         }
     }
 
-    /// Page `number` with this content: returns its effects and the result.
+    /// Sends page `number` with this content; returns its effects and the result.
     fn page(&mut self, number: u16, carried: &[u8]) -> (PageEffect, u8) {
         self.counter += 1;
         self.outputs.fill(0);
@@ -44,8 +44,8 @@ impl Master {
         (taken, self.pages.shown()[RESULT])
     }
 
-    /// A configured master: the gateway sends the frames 203h with 4 and 204h with 6 bytes, and receives 301h with 6
-    /// and 302h with 4 bytes.
+    /// Returns a configured master. The gateway sends the frame 203h with 4 bytes and 204h with 6 bytes. It
+    /// receives 301h with 6 bytes and 302h with 4 bytes.
     fn configured() -> Self {
         let mut master = Master::new(&[32], &[32]);
         assert_eq!(master.page(0, &[]).1, 0);
@@ -61,8 +61,9 @@ impl Master {
     }
 }
 
-/// The sizes of p. 51-53: a page of 82 octets carries 70 octets of content, enough for 11 records and a mark. A page of
-/// 105 octets carries 91, enough for the data of 13 identifiers with 6 bytes each.
+/// The sizes of p. 51-53. A page of 82 octets carries 70 octets of content, enough for 11 records and a mark.
+/// A page of 105 octets carries 91 octets of content, enough for the data of 13 identifiers with 6 bytes
+/// each.
 #[test]
 fn pages_have_the_sizes_of_the_manual() {
     assert_eq!(carries(&segments(&[32, 32, 18])), 70);
@@ -73,8 +74,8 @@ fn pages_have_the_sizes_of_the_manual() {
     assert_eq!(divide([8, 8, 1], 18), [0..2, 2..3]);
 }
 
-/// Each segment of a page begins with the page number. The content begins at octet 8 of the first segment and 2 of the
-/// others (p. 55, 59).
+/// Each segment of a page begins with the page number. The content begins at octet 8 of the first segment and
+/// at octet 2 of the other segments (p. 55, 59).
 #[test]
 fn page_1_has_the_sizes() {
     let mut master = Master::new(&[32, 18], &[32, 32, 9]);
@@ -140,7 +141,8 @@ fn received_frames_are_on_their_page() {
     assert_eq!(master.pages.shown()[8..20], [0; 12]);
 }
 
-/// Pages out of turn and invalid identifiers are reported with the number of the record; such a page has no effect.
+/// Pages in a wrong order and invalid identifiers are reported with the number of the record. Such a page has
+/// no effect.
 #[test]
 fn wrong_pages_are_reported() {
     let mut master = Master::new(&[32], &[32]);
@@ -170,7 +172,7 @@ fn wrong_pages_are_reported() {
     assert_eq!((result(&mut master, 0, &[]), master.pages.tx.len()), ((0, 0), 0));
 }
 
-/// If two entries receive the same identifier, the later one is updated (p. 35).
+/// If two entries receive the same identifier, only the later entry gets its data (p. 35).
 #[test]
 fn a_repeated_identifier_updates_the_later_entry_only() {
     let mut master = Master::new(&[32], &[32]);
@@ -182,7 +184,8 @@ fn a_repeated_identifier_updates_the_later_entry_only() {
     assert_eq!(master.pages.shown()[8..12], [0, 0, 1, 7]);
 }
 
-/// A configuration has at most 100 pages of each kind of definitions, and 65285 of data (p. 55, 59).
+/// A configuration has at most 100 pages of definitions of each direction, and 65285 pages of data (p. 55,
+/// 59).
 #[test]
 fn the_number_of_pages_is_limited() {
     let mut master = Master::new(&[32], &[32]);
@@ -196,7 +199,8 @@ fn the_number_of_pages_is_limited() {
     assert_eq!(usize::from(u16::MAX - number::DATA) + 1, 65_285);
 }
 
-/// A received identifier must fit on a page of inputs with its format, and no page of inputs follows page 250.
+/// The data of a received identifier must fit on a page of inputs in the format of the page. Page 250 is the
+/// last page of inputs.
 #[test]
 fn the_pages_of_received_identifiers_are_limited() {
     let mut master = Master::new(&[32], &[COUNTER + 8]);
