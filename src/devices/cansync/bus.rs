@@ -1,9 +1,10 @@
 //! A simulated CANsync bus: one master, up to 32 slaves, frames in their slots.
 //!
-//! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud rate. The
-//! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are from the
-//! manual's table (5.00005.03a p. 125). Frames have their real lengths, including stuff bits. A frame that extends into
-//! the next slot delays the frame of that slot (decision D-280).
+//! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud
+//! rate. The next frame can begin after the intermission. The content of a frame does not change after its
+//! start. Slot times are from the manual's table (5.00005.03a p. 125). Frames have their real lengths,
+//! including stuff bits. A frame that extends into the next slot delays the frame of that slot (decision
+//! D-280).
 
 mod command;
 mod config;
@@ -79,7 +80,7 @@ struct RunningBus {
 pub struct SimBus {
     index: BusIndex,
     name: String,
-    /// False for the placeholder, which has no wires and runs nodes that are not connected to a bus.
+    /// False for the placeholder of unconnected nodes, which has no wires.
     is_wired: bool,
     /// The ports in the order in which they were attached.
     places: Vec<PortRef>,
@@ -93,21 +94,22 @@ pub struct SimBus {
     /// Baud rate from the plant file in kbit/s; applies to drives without a baud rate setting.
     kbit_s: u16,
     frame_length: FrameLength,
-    /// Length of the processor cycle in microseconds. With 0 each poll reads the status of the controller at once.
+    /// Length of the processor cycle in microseconds. If it is 0, each poll reads the status of the
+    /// controller at once.
     processor_cycle_us: u64,
     running: Option<RunningBus>,
     schedule: Schedule,
     /// Emulated time of the next event, in microseconds.
     next: u64,
-    /// The last frame of each kind. A frame is stored as soon as its slot is determined, so the times of several frames
-    /// may be in the future.
+    /// The last frame of each kind. A frame is stored as soon as its slot is determined. So several frames
+    /// may have times in the future.
     on_wire: [Option<OnWire>; PLACES],
     reference: [Option<Built>; 2],
     actual: [Option<Frame>; 2],
     command: Option<Frame>,
-    /// Number of the slave that must still answer the last command.
+    /// Number of the slave that has not answered the last command yet.
     asked: Option<u8>,
-    /// A drive's answer, ready for the response slot.
+    /// Answer of a drive that waits for the response slot.
     drive_answer: Option<Frame>,
     response: Option<Frame>,
     disturbance: Disturbance,
@@ -117,8 +119,9 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// Returns the placeholder for nodes without a connected bus. A master generates its SYNC signal and sends there,
-    /// but no station receives it. The journal has no record of that traffic (decision D-645).
+    /// Returns the placeholder for nodes without a connected bus. On this placeholder a master generates its
+    /// SYNC signal and sends, but no station receives anything. The journal has no record of this traffic
+    /// (decision D-645).
     pub fn unplugged() -> Self {
         Self::empty(BusIndex::of_number(u16::MAX), false, &BusConfig::default())
     }
@@ -183,8 +186,8 @@ impl SimBus {
         self.drives.look()
     }
 
-    /// Starts synchronous operation for the master. If the master generates the SYNC signal, the first edge comes at
-    /// once.
+    /// Starts synchronous operation for the master. If the master itself generates the SYNC signal, the first
+    /// edge comes at once.
     fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
         self.running = Some(RunningBus { timing, own_sync, signal: signal_of(timing), start: now });
@@ -239,7 +242,8 @@ impl SimBus {
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
             Slot::Stray => run.stray_frames(),
-            // This slot was handled above, because it does not need a running bus.
+            // This slot was handled before the bus was borrowed, because it also occurs on a bus that is
+            // stopped.
             Slot::OwnClock => {}
         }
         self.next = self.schedule.next_time();
@@ -247,7 +251,7 @@ impl SimBus {
     }
 }
 
-/// One event in progress, with everything that it may change.
+/// One event in progress, with references to all objects that the event may change.
 struct Run<'a> {
     bus: &'a mut SimBus,
     now: u64,
@@ -270,7 +274,7 @@ impl Run<'_> {
         Some(self.bus.masters.first_mut()?.run(self.now, self.journal, f))
     }
 
-    /// Runs `f` on slave node `index`, if the node receives frames at this baud rate.
+    /// Runs `f` on slave node `index` if the node receives frames at the baud rate of the bus.
     #[inline]
     fn node<R>(&mut self, index: usize, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> Option<R> {
         let (kbit_per_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
@@ -310,7 +314,8 @@ pub fn drives(buses: &[Box<dyn Bus>]) -> impl Iterator<Item = &Drive> {
     buses.iter().filter_map(|bus| bus.as_a::<SimBus>()).flat_map(SimBus::drives)
 }
 
-/// Returns true if the node of a [`Socket`] works without a bus: a master generates its own SYNC signal.
+/// Returns true if the node of a [`Socket`] also works without a bus: a master does, because it generates its
+/// own SYNC signal.
 pub(crate) fn runs_alone(socket: &dyn Any) -> bool {
     socket.downcast_ref::<Socket>().is_some_and(|socket| matches!(socket.role, SocketRole::Master { .. }))
 }

@@ -111,10 +111,10 @@ fn initialization_data(
     Ok(())
 }
 
-/// Maps reference value 0 into words 0 and 1 of frame 1, which all drives read, and words 0 and 1 of each drive's frame
-/// 1 into its actual value 0. In each interval the master requests the frame of another slave. The mapping comes after
-/// the initialization data, because the firmware clears the cyclic registers when it takes over the initialization
-/// data.
+/// Maps reference value 0 into words 0 and 1 of frame 1, which all drives read. Maps words 0 and 1 of each
+/// drive's frame 1 into the actual value 0 of the drive. In each interval the master requests the frame of
+/// another slave. The mapping must be written after the initialization data, because the firmware clears the
+/// cyclic registers when it takes over the initialization data.
 fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
     let node = &trace.node;
     let reference = &node._CFG_WRC_WORD;

@@ -16,9 +16,10 @@ pub(crate) const MAX_JITTER_US: u32 = 2_000;
 pub(super) enum Effect {
     /// The slaves do not see SYNC edges.
     LoseSync,
-    /// SYNC edges come late and early alternately by the given number of microseconds, 1 to [`MAX_JITTER_US`].
+    /// SYNC edges are alternately late and early, by the given number of microseconds, 1 to
+    /// [`MAX_JITTER_US`].
     JitterSync(u32),
-    /// A slave is off: a drive without power, a PLC's node with its plug pulled.
+    /// A slave is off: a drive has no power, or a PLC's node is disconnected from the bus.
     SlaveOff,
     /// A slave's answers to jobs begin the given number of microseconds after their slot, 1 to
     /// [`MAX_DELAY_US`](crate::devices::can_faults::MAX_DELAY_US).
@@ -34,7 +35,7 @@ pub(super) enum Effect {
         /// The wrong offset of the block; `None` for the correct offset plus 6.
         offset: Option<u16>,
     },
-    /// A slave is a drive and has this fault, 1 to 65535.
+    /// A slave, which must be a drive, has this fault, 1 to 65535.
     Trip(u16),
 }
 
@@ -64,7 +65,7 @@ pub(super) fn includes(frames: &Frames, frame: &Frame) -> bool {
     frames.include_in_slot(frame.id(), frame.kind().map(slot_of))
 }
 
-/// Field for an error or fault number of a drive or slave.
+/// Returns the field for an error or fault number of a drive or slave.
 const fn error(least: u64, about: &'static str) -> Field {
     Field::new("error", Form::Hex { least, most: 0xFFFF, digits: 4 }, about)
 }

@@ -11,7 +11,8 @@ macro_rules! sender {
         function_block! {
             #[doc = concat!("Sends a broadcast command with ", $rank, " priority (manual p. ", $page, ").")]
             ///
-            /// Every call with `x_EN` enters the command again. One interval is enough to send it once.
+            /// Every call with `x_EN` enters the command again. To send the command once, set `x_EN` for one
+            /// interval only.
             pub struct $name(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
                     /// Command number: 1 control word, 128 to 255 free for the user.
@@ -83,8 +84,8 @@ sender!(
 function_block! {
     /// Receives broadcast commands of the master (manual p. 202-203).
     ///
-    /// Command 1 is a control word, which [`CANsync_CONTROLWORD_SL`](super::CANsync_CONTROLWORD_SL) shows as well
-    /// (decision D-603). If another command has also come, the block shows the other command first.
+    /// Command 1 is a control word, which [`CANsync_CONTROLWORD_SL`](super::CANsync_CONTROLWORD_SL) shows as
+    /// well (decision D-603). If another command has also arrived, the block shows this other command first.
     pub struct CANsync_BC_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         out {
             /// Command number; keeps the previous value until a new command is received.

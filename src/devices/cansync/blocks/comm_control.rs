@@ -9,24 +9,25 @@ function_block! {
     /// Selects the slave for control words, parameter jobs and up-/downloads in the command channel (manual p.
     /// 204-206).
     ///
-    /// The block takes over a slave number only if the enable input beside it is TRUE. Numbers other than -128 and 0 to
-    /// 31 have no effect (decision D-205).
+    /// The block takes over a slave number only if the enable input of this number is TRUE. Numbers other
+    /// than -128 and 0 to 31 have no effect (decision D-205).
     pub struct CANsync_COMM_CONTROL_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
-            /// Slave for control words; -128 (default): all in turn.
+            /// Slave for control words; -128 (default): all slaves in turn.
             si_SL_NR_CTRL: i8 = AUTOMATIC;
             /// Take over `si_SL_NR_CTRL`.
             x_EN_CTRL: bool;
-            /// Slave for parameter jobs; -128 (default): all in turn.
+            /// Slave for parameter jobs; -128 (default): all slaves in turn.
             si_SL_NR_PAR: i8 = AUTOMATIC;
             /// Take over `si_SL_NR_PAR`.
             x_EN_PAR: bool;
-            /// Slave for up-/downloads; -128 (default): all in turn.
+            /// Slave for up-/downloads; -128 (default): all slaves in turn.
             si_SL_NR_UDL: i8 = AUTOMATIC;
             /// Take over `si_SL_NR_UDL`.
             x_EN_UDL: bool;
-            /// Highest number of the slaves in turn; -1 (default): unchanged. The same register as `si_MAX_SL_NR` of
-            /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use only one of the two.
+            /// Highest slave number that is selected in turn; -1 (default): unchanged. `si_MAX_SL_NR` of
+            /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA) sets the same register, so use only one of
+            /// these inputs.
             si_MAX_SL_NR: i8 = -1;
         }
     }
@@ -49,7 +50,8 @@ impl CANsync_COMM_CONTROL_MA {
     }
 }
 
-/// Handles input `si_MAX_SL_NR`: any value except 0 to 31 leaves the register unchanged.
+/// Handles input `si_MAX_SL_NR`: 0 to 31 are written to the register; any other value leaves the register
+/// unchanged.
 pub(super) fn set_highest_slave(register: &Cell8, number: i8) {
     if slave_index(number).is_some() {
         register.store(number as u8);

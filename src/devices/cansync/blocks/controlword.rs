@@ -7,9 +7,10 @@ use crate::plc::{Base, Like, function_block};
 
 function_block! {
     /// Sends a control word to one slave (manual p. 207-208). A program must call
-    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) before.
+    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) before this block.
     ///
-    /// Every call with `x_EN` enters the control word again. One interval is enough to send it once.
+    /// Every call with `x_EN` enters the control word again. To send it once, set `x_EN` for one interval
+    /// only.
     pub struct CANsync_CONTROLWORD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Number of the slave, 0 to 31.
@@ -49,7 +50,7 @@ function_block! {
     /// Receives the master's control word (manual p. 209-210).
     pub struct CANsync_CONTROLWORD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         out {
-            /// Control word; keeps the previous value until a new one is received.
+            /// Control word. The value stays until a new control word is received.
             w_CONTROLWORD: u16;
             /// 2: a control word was received since the last call; otherwise 0.
             si_RECEIVED: i8;

@@ -18,7 +18,7 @@ const TIMEOUT: u16 = 1 << 0;
 const BIT_TIMING: u16 = 1 << 1;
 /// Bit 11 of `w_ERR`: the initialization did not finish.
 const NOT_FINISHED: u16 = 1 << 11;
-/// `us_BAUDRATE` for 125 kbit/s, which the block also uses for every undefined number.
+/// `us_BAUDRATE` for 125 kbit/s. The block also uses this rate for every undefined number.
 const SLOWEST: u8 = 3;
 
 /// The inputs of the block, and the baud rates of the device.
@@ -64,7 +64,7 @@ impl Initialization {
         base: &Viewed<'_, CANsync_INIT_BMSTRUCT>,
         inputs: &Inputs<'_>,
     ) -> (u16, bool) {
-        // The block makes as many steps in one call as the node's answers permit.
+        // In one call the block makes all steps that the node's answers permit.
         while let Some(next) = self.next(base, inputs) {
             self.step = next;
         }
@@ -76,7 +76,7 @@ impl Initialization {
         self.has_ended && self.error != 0
     }
 
-    /// Returns the next step, if its condition is met.
+    /// Returns the next step if the condition for it is met.
     fn next(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>, inputs: &Inputs<'_>) -> Option<Step> {
         let state = base.w_OPTION_STATUS.load();
         let command = |value| {
@@ -148,7 +148,7 @@ impl Initialization {
         }
     }
 
-    /// Returns `b_BT_0` and `b_BT_1` for the inputs. Sets bit 1 if they are not documented.
+    /// Returns `b_BT_0` and `b_BT_1` for the inputs. If the inputs are not documented, sets bit 1 of `w_ERR`.
     fn bit_timing(&mut self, inputs: &Inputs<'_>) -> [u8; 2] {
         let timing = |rate: &BaudRate| [rate.b_BT_0, rate.b_BT_1];
         let of_number = |number| inputs.rates.iter().find(|rate| rate.us_BAUDRATE == number).map(timing);
@@ -170,23 +170,25 @@ macro_rules! init {
         $crate::plc::function_block! {
             #[doc = concat!("Initializes a CANsync node as master or slave (manual p. ", $page, ").")]
             ///
-            /// The first call begins the initialization. The program must call the block at least once per processor
-            /// cycle, until `x_OK` or `x_ERR` is TRUE (decision D-201). The next call begins a new initialization.
+            /// The first call begins the initialization. The program must call the block at least once per
+            /// processor cycle, until `x_OK` or `x_ERR` is TRUE (decision D-201). The call after that begins
+            /// a new initialization.
             pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>) {
                 in {
                     /// TRUE initializes a slave; FALSE (default) initializes a master.
                     x_SL: bool;
                     #[doc = concat!("Master: takes over the SYNC signal ", $sync, "; default: generates its own.")]
                     x_SYNC_IN: bool;
-                    /// Sets up synchronous operation as well; default: only takes over the initialization data.
+                    /// Also sets up synchronous operation. By default, the block only takes over the
+                    /// initialization data.
                     x_SYNC_MODE: bool;
                     /// Reserved by the manual; without effect.
                     x_ASYNC_MODE0: bool;
                     /// Reserved by the manual; without effect.
                     x_ASYNC_MODE1: bool;
-                    /// Master: 0 no slave of that number, 1 a slave.
+                    /// For a master: 0 if no slave has this number, 1 if a slave has it.
                     a_SL_TYP: [u8; 32];
-                    /// Acceptance code of the CAN controller, 16#FF by default.
+                    /// Acceptance code of the CAN controller; the default is 16#FF.
                     b_ACCEPT_CODE: u8 = 0xFF;
                     /// Acceptance mask; 16#FF: everything is received.
                     b_ACCEPT_MASK: u8 = 0xFF;
@@ -200,8 +202,8 @@ macro_rules! init {
                     us_SYNC_INTERVAL: u8;
                 }
                 out {
-                    /// Bit 0: no answer to the handshake, 1: baud rate or bus timing not among the documented ones,
-                    /// 11: initialization not finished.
+                    /// Bit 0: no answer to the handshake; bit 1: baud rate or bus timing not among the
+                    /// documented ones; bit 11: initialization not finished.
                     w_ERR: u16;
                     /// `w_ERR` is not 0.
                     x_ERR: bool;

@@ -1,7 +1,8 @@
 //! The CANsync function blocks (manual 5.00005.03a chapter 7.3, p. 194-271; 5.02066.01a chapter 4, p. 99-196).
 //!
-//! A block on which the manuals agree is defined here, and each device exports it. Where the manuals differ, this
-//! module has the pins and the common part, in a macro that creates the block of a device.
+//! If the manuals agree on a block, this module defines the block and each device exports it. Where the
+//! manuals differ, this module has the pins and the common part, in a macro that creates the block of a
+//! device.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

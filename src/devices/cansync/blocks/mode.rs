@@ -13,10 +13,11 @@ macro_rules! mode {
         function_block! {
             #[doc = concat!("Sets the operating mode of a CANsync ", $role, " (manual p. ", $page, ").")]
             ///
-            /// Inputs are commands. Outputs show the node's state at the time of the call, so the answer to a command
-            /// is visible at a later call. If no input is TRUE, the block sends no command. If `x_SYNC_MODE` and
-            /// `x_CANsync_RUN` are both TRUE, the block first sets the mode up, and enables it at a later call. In the
-            /// active mode the block sends no further command (decision D-204).
+            /// Inputs are commands. Outputs show the node's state at the time of the call, so the answer to a
+            /// command is visible at a later call. If no input is TRUE, the block sends no command. If
+            /// `x_SYNC_MODE` and `x_CANsync_RUN` are both TRUE, the block first sets the synchronous mode up,
+            /// and enables it at a later call. When the mode is active, the block sends no further command
+            /// (decision D-204).
             pub struct $name(_BASE: Base<$base>) {
                 in {
                     /// TRUE restarts the node.
@@ -104,7 +105,8 @@ struct Commands {
 }
 
 impl Commands {
-    /// Writes the command. If several inputs are TRUE, the command that comes earlier in a start is written.
+    /// Writes the command. If several inputs are TRUE, writes the command that comes first in the sequence of
+    /// a start.
     fn give<T: SharedRegs>(&self, base: &Viewed<'_, T>, control: &Cell16, state: u16) {
         let command = match self {
             Commands { restart: true, .. } => {

@@ -85,7 +85,7 @@ pub struct JobState {
 }
 
 impl JobState {
-    /// Runs one PLC cycle. Returns `None` if the outputs keep their values.
+    /// Runs one PLC cycle. Returns `None` if the outputs must keep their values.
     pub(crate) fn step(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
@@ -149,14 +149,14 @@ impl JobState {
         CallResult { answer: Some(answer), ..CallResult::default() }
     }
 
-    /// Locks the block, because the job has failed.
+    /// Locks the block because the job has failed.
     pub(crate) fn fail(&mut self, error: u8, number: i16) -> CallResult {
         self.phase = JobPhase::Locked;
         CallResult { error, number, ..CallResult::default() }
     }
 
-    /// Removes the block's job from the registers. Otherwise the master would repeat the job to a slave that never
-    /// answers.
+    /// Removes the block's job from the registers. If the job stayed there and the slave never answered, the
+    /// master would repeat it without end.
     fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         if let JobPhase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)
@@ -166,8 +166,9 @@ impl JobState {
     }
 }
 
-/// The read block of a device: its pages, its additional bits of `b_ERR`, and a check of the formats at `x_PAR_FORMAT`
-/// and of the answer (which returns those bits).
+/// Declares the read block of a device: its pages, its text about formats, and a function that checks the
+/// formats. This function compares `x_PAR_FORMAT` with the format of the answer and returns the device's
+/// additional bits of `b_ERR`.
 macro_rules! par_read_ma {
     ($page:literal, $formats:literal, $check:expr) => {
         $crate::plc::function_block! {
@@ -186,8 +187,8 @@ macro_rules! par_read_ma {
                     i_SUB_SL: i16;
                     /// Monitoring time in emulated time; preset 3 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::par_ma::PRESET_TIME;
-                    /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
-                    /// block then needs `x_RESET`.
+                    /// Starts the job. The input must stay TRUE until `x_BUSY` becomes FALSE. If it becomes
+                    /// FALSE earlier, the job is cancelled, and the block needs `x_RESET`.
                     x_EN: bool;
                     /// Resets the block; needed after an error or a cancelled job.
                     x_RESET: bool;
@@ -260,8 +261,8 @@ function_block! {
             ud_PAR_VALUE: u32;
             /// Monitoring time in emulated time; preset 3 s.
             t_TIME: Duration = PRESET_TIME;
-            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
-            /// block then needs `x_RESET`.
+            /// Starts the job. The input must stay TRUE until `x_BUSY` becomes FALSE. If it becomes FALSE
+            /// earlier, the job is cancelled, and the block needs `x_RESET`.
             x_EN: bool;
             /// Resets the block; needed after an error or a cancelled job.
             x_RESET: bool;
@@ -271,7 +272,7 @@ function_block! {
             x_BUSY: bool;
             /// Error number of the slave.
             i_ERR: i16;
-            /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
+            /// Bit 0: the slave reports `i_ERR`; bit 1: timeout; bit 4: the slave number is not 0 to 31.
             b_ERR: u8;
             /// `b_ERR` is not 0.
             x_ERR: bool;

@@ -10,8 +10,9 @@ use crate::plc::{Base, Like, function_block};
 function_block! {
     /// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
     ///
-    /// The block reads the application's results only from the call after that which has shown the job. So in the call
-    /// that shows the job, `x_OK_IN` may still have its value from the end of the last job (decision D-210).
+    /// The block shows a job in one call, and reads the application's results from the next call on. So in
+    /// the call that shows the job, `x_OK_IN` may still have its value from the end of the last job (decision
+    /// D-210).
     pub struct CANsync_PAR_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
             /// Value of the parameter, for a read job.
@@ -24,13 +25,15 @@ function_block! {
             x_ERR_IN: bool;
             /// The application has done the job.
             x_OK_IN: bool;
-            /// Shows jobs and sends answers. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+            /// Shows jobs and sends answers. If the input becomes FALSE while `x_BUSY` is TRUE, the job is
+            /// cancelled, and the block needs `x_RESET`.
             x_EN: bool;
             /// TRUE resets the block.
             x_RESET: bool;
         }
         out {
-            /// The master has withdrawn the job shown; TRUE until the next one is shown.
+            /// The master has withdrawn the job that the block shows. The output stays TRUE until the block
+            /// shows the next job.
             x_RESET_JOB: bool;
             /// A read job is to be done.
             x_READ: bool;
@@ -46,7 +49,8 @@ function_block! {
             x_ACTIV: bool;
             /// Waits for the application, or for the master to fetch the answer.
             x_BUSY: bool;
-            /// The master has fetched the answer to the last job, with or without an error.
+            /// The master has fetched the answer to the last job. The job may have ended with or without an
+            /// error.
             x_OK: bool;
         }
         internal: JobPhase;
@@ -91,15 +95,16 @@ impl CANsync_PAR_SL {
             // The firmware keeps READ or WRITE until it drops the job (decision D-63).
             JobPhase::Shown | JobPhase::Answered if control & (READ | WRITE) == 0 => self.drop_job(),
             JobPhase::Shown => self.take_results(_BASE, &job),
-            // A new job means that the answer to the previous one was also sent.
+            // A new job means that the answer to the previous job was sent.
             JobPhase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
                 self.x_OK = true;
                 self.show(JobPhase::Idle);
             }
             JobPhase::Answered => {}
-            // Bit 7: the firmware has not yet entered the job that the master has changed to.
+            // Bit 7 is set: the master has changed to another job, which the firmware has not entered yet.
             JobPhase::Idle if control & RESET != 0 => {}
-            // The job was never shown, or `x_RESET` has withdrawn it with or without an answer (p. 190).
+            // Either the job was never shown, or `x_RESET` has withdrawn it, before or after its answer (p.
+            // 190).
             JobPhase::Idle if control & CHANGED != 0 => job.change(|value| value | RESET),
             JobPhase::Idle if control & ACTIVE != 0 => self.enter(_BASE, control),
             JobPhase::Idle => {}
@@ -116,7 +121,7 @@ impl CANsync_PAR_SL {
         }
     }
 
-    /// Drops the shown job, which is no longer valid.
+    /// Drops the job that the block shows, because the job is no longer valid.
     fn drop_job(&mut self) {
         self.x_RESET_JOB = true;
         self.show(JobPhase::Idle);

@@ -15,8 +15,8 @@ const FRAME2: RangeInclusive<u8> = 4..=7;
 /// Number of an unassigned word.
 const NONE: i8 = -1;
 
-/// Writes the configuration bytes of one frame. A word stays unassigned if the frame cannot carry the value with its
-/// number (decision D-206).
+/// Writes the configuration bytes of one frame. If the frame cannot carry the value with the number of a
+/// word, the word stays unassigned (decision D-206).
 fn configure(registers: [&Cell8; 4], (numbers, high): WordAssignments, values: RangeInclusive<u8>) {
     for ((register, number), high) in registers.into_iter().zip(numbers).zip(high) {
         register.store(match u8::try_from(number) {
@@ -36,7 +36,7 @@ fn configure_rdc(cfg: &CFG_RDC_WORD, one: WordAssignments, two: WordAssignments)
     configure(words2, two, FRAME2);
 }
 
-/// Master and slave have separate structures with the same names.
+/// This is a macro because master and slave have separate structures with equal names.
 macro_rules! configure_wrc {
     ($cfg:expr, $one:expr, $two:expr) => {{
         let cfg = $cfg;
@@ -52,7 +52,7 @@ macro_rules! configure_wrc {
 function_block! {
     /// Maps reference values into the reference value frames of a master (manual p. 233-235).
     ///
-    /// Writes the mapping. Also re-arms the detection of received actual values (decision D-207).
+    /// The call writes the mapping. It also re-arms the detection of received actual values (decision D-207).
     pub struct CANsync_PD_CFG_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
@@ -118,7 +118,7 @@ function_block! {
     /// Maps the reference value frames of a slave to reference values, and its own actual values into its
     /// actual value frames (manual p. 242-246).
     ///
-    /// Also re-arms the detection of overheard actual values (decision D-207).
+    /// The call also re-arms the detection of overheard actual values (decision D-207).
     pub struct CANsync_PD_CFG_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
             /// Reference value (0 to 3) for each word of frame 1; -1 (default): none.

@@ -13,8 +13,8 @@ use crate::plc::{Base, Like, function_block};
 const NO_REQUEST: i8 = -1;
 
 function_block! {
-    /// Writes reference values and requests actual values of slaves (manual p. 247-251). Call it directly at the start
-    /// of the CANsync event task.
+    /// Writes reference values and requests actual values of slaves (manual p. 247-251). Call this block
+    /// first in the CANsync event task.
     pub struct CANsync_PD_COMM_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Reference values 0 to 7.
@@ -23,9 +23,10 @@ function_block! {
             si_WRC1_SEND: i8;
             /// 5: reference values 4 to 7 are valid, send frame 2.
             si_WRC2_SEND: i8;
-            /// Slave requested for frame 1; -128 (default): all in turn; -1: none (decision D-208).
+            /// Slave that is requested for frame 1; -128 (default): all slaves in turn; -1: none (decision
+            /// D-208).
             si_RD_SL_NR1_RECEIVE: i8 = AUTOMATIC;
-            /// Slave requested for frame 2; -128 (default): all in turn; -1: none.
+            /// Slave that is requested for frame 2; -128 (default): all slaves in turn; -1: none.
             si_RD_SL_NR2_RECEIVE: i8 = AUTOMATIC;
             /// Highest slave number of the automatic polling; -1 (default): unchanged.
             si_MAX_SL_NR: i8 = -1;
@@ -33,9 +34,9 @@ function_block! {
             x_COPY_TO_RD_ARRAY: bool;
         }
         out {
-            /// Slave that sent the newest frame 1 since the previous call; -128: none.
+            /// Slave that has sent the most recent frame 1 since the previous call; -128: no slave.
             si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
-            /// Slave that sent the newest frame 2 since the previous call; -128: none.
+            /// Slave that has sent the most recent frame 2 since the previous call; -128: no slave.
             si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
         }
         in_out {
@@ -45,7 +46,7 @@ function_block! {
 }
 
 impl CANsync_PD_COMM_MA {
-    /// Runs one PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+    /// Runs one PLC cycle. Writes `a_RD_ARRAY` only if `x_COPY_TO_RD_ARRAY` is TRUE.
     pub fn call(
         &mut self,
         _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>,
@@ -66,7 +67,8 @@ impl CANsync_PD_COMM_MA {
     }
 }
 
-/// Writes the input to the register if it is a documented slave number. Otherwise the register stays unchanged.
+/// Writes the input to the register if it is a documented slave number. Otherwise the register does not
+/// change.
 fn ask(register: &Cell8, slave: i8) {
     match slave {
         NO_REQUEST => register.store(request::NO_SLAVE),

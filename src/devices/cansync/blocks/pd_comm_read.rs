@@ -18,7 +18,8 @@ pub(crate) fn take_actuals(
     slave.map_or([false; 2], |(state, registers)| receive_from(state, registers, values))
 }
 
-/// The block of a device for a master or a slave: its pages, and the output values for received frames 1 and 2.
+/// Declares the block of a device for a master or a slave: its pages, and its output values for received
+/// frames 1 and 2.
 macro_rules! pd_comm_read {
     ($name:ident, $base:ident, $other:literal, $page:literal, $one:literal, $two:literal) => {
         $crate::plc::function_block! {
@@ -30,7 +31,7 @@ macro_rules! pd_comm_read {
                     si_SL_NR: i8;
                 }
                 out {
-                    /// Actual values 0 to 7, each half only after its frame was received.
+                    /// Actual values 0 to 7. A half changes only when its frame has been received.
                     a_RD_VALUES: [i32; 8];
                     #[doc = concat!($one, ": frame 1 was received since the last call; otherwise 0.")]
                     si_RD_SL_NR1_RECEIVED: i8;

@@ -17,7 +17,8 @@ pub(crate) fn take_references(base: &CANsync_SL_CTRL_BMSTRUCT, values: &mut [i32
     receive([&base.b_CTRLREG_WRC1, &base.b_CTRLREG_WRC2], &base.a_WR_VALUE_RECEIVE, values)
 }
 
-/// Returns the slaves overheard last since the last call, and copies their values if `a_RD_ARRAY` is given.
+/// For each frame, returns the slave that was overheard last since the previous call. Copies the values of
+/// the overheard slaves if `a_RD_ARRAY` is given.
 pub(crate) fn overhear(
     base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,
     a_RD_ARRAY: Option<&mut CANsync_RD_BMARRAY>,
@@ -29,12 +30,12 @@ pub(crate) fn overhear(
     slaves
 }
 
-/// The block of a device: its page, and the output values for received frames 1 and 2.
+/// Declares the block of a device: its page, and its output values for received frames 1 and 2.
 macro_rules! pd_comm_sl {
     ($page:literal, $one:literal, $two:literal) => {
         $crate::plc::function_block! {
-            /// Writes own actual values, reads reference values and overhears other slaves' actual values. Call it
-            /// directly at the start of the CANsync event task.
+            /// Writes own actual values, reads reference values and overhears other slaves' actual values.
+            /// Call this block first in the CANsync event task.
             #[doc = concat!("Manual p. ", $page, ".")]
             pub struct CANsync_PD_COMM_SL(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>) {
                 in {
@@ -48,15 +49,17 @@ macro_rules! pd_comm_sl {
                     x_COPY_TO_RD_ARRAY: bool;
                 }
                 out {
-                    /// Reference values 0 to 7, each half only after its frame was received.
+                    /// Reference values 0 to 7. A half changes only when its frame has been received.
                     a_WR_VALUES_RECEIVED: [i32; 8];
                     #[doc = concat!($one, ": reference value frame 1 was received since the last call; otherwise 0.")]
                     si_WRC1_RECEIVED: i8;
                     #[doc = concat!($two, ": reference value frame 2 was received since the last call; otherwise 0.")]
                     si_WRC2_RECEIVED: i8;
-                    /// Sender of the last overheard frame 1 since the last call; -128: none.
+                    /// Sender of the last frame 1 that was overheard since the previous call; -128: no
+                    /// sender.
                     si_RD_SL_NR1_RECEIVED: i8 = -128;
-                    /// Sender of the last overheard frame 2 since the last call; -128: none.
+                    /// Sender of the last frame 2 that was overheard since the previous call; -128: no
+                    /// sender.
                     si_RD_SL_NR2_RECEIVED: i8 = -128;
                 }
                 in_out {
@@ -66,7 +69,7 @@ macro_rules! pd_comm_sl {
         }
 
         impl CANsync_PD_COMM_SL {
-            /// Runs one PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+            /// Runs one PLC cycle. Writes `a_RD_ARRAY` only if `x_COPY_TO_RD_ARRAY` is TRUE.
             pub fn call(
                 &mut self,
                 _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>>,

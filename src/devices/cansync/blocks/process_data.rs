@@ -10,7 +10,7 @@ use crate::memory::{Cell8, Cell32};
 /// Values of one frame.
 const FRAME: usize = 4;
 
-/// Writes the values of each frame with `..._SEND` input 5, and releases the frame.
+/// Writes the values of each frame with 5 at its input `..._SEND`, and releases the frame.
 pub(super) fn send(values: &[i32; 8], inputs: [i8; 2], registers: &[Cell32], controls: [&Cell8; 2]) {
     let frames = values.chunks(FRAME).zip(registers.chunks(FRAME));
     for ((input, control), (values, registers)) in inputs.into_iter().zip(controls).zip(frames) {
@@ -49,7 +49,7 @@ pub(super) fn receive_from_all(
     }
 }
 
-/// Returns the slave received last since the last call; -128: none.
+/// Returns the slave from which the last frame since the previous call was received; -128: no slave.
 pub(super) fn take_last_slave(register: &Cell8) -> i8 {
     let number = register.update(|_| last_received::RE_ARMED) as i8;
     if slave_index(number).is_some() { number } else { AUTOMATIC }

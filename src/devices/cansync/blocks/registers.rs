@@ -22,7 +22,8 @@ as_ref_of_itself!(CANsync_INIT_BMSTRUCT CANsync_MA_CTRL_BMSTRUCT CANsync_SL_CTRL
 
 /// Number of slaves on a bus.
 pub(super) const SLAVES: usize = 32;
-/// Special slave number. As an input: the slave number advances automatically. As an output: no slave.
+/// Special slave number. As an input it means that the slave number advances automatically; as an output it
+/// means that there is no slave.
 pub(super) const AUTOMATIC: i8 = request::AUTOMATIC.cast_signed();
 
 /// Returns a slave number as an index; `None` if it is not 0 to 31.
@@ -30,8 +31,8 @@ pub(super) fn slave_index(number: i8) -> Option<usize> {
     usize::try_from(number).ok().filter(|&index| index < SLAVES)
 }
 
-/// Clears a receive register. Returns 2 if a frame was received, otherwise 0. The register is cleared before the data
-/// are read, so the next call finds a frame that arrives in between.
+/// Clears a receive register. Returns 2 if a frame was received, otherwise 0. The register is cleared before
+/// the data are read. So if a frame arrives between these two steps, the next call finds it.
 pub(super) fn take_received(register: &Cell8) -> i8 {
     match register.compare_exchange(receive::RECEIVED, receive::NOTHING) {
         Ok(received) => received as i8,
@@ -49,7 +50,8 @@ pub(super) enum ControlWordReader {
 }
 
 impl ControlWordReader {
-    /// Returns the value that this block writes to `b_STATREG_CONTROLWORD` for the other block.
+    /// Returns the value of `b_STATREG_CONTROLWORD` by which this block notifies the other block of a control
+    /// word that it has shown.
     const fn mark(self) -> u8 {
         match self {
             ControlWordReader::Broadcast => 0x10,
@@ -84,13 +86,13 @@ impl Job<'_> {
         self.control.load()
     }
 
-    /// Writes both registers, the control register last (p. 165).
+    /// Writes both registers; writes the control register last (p. 165).
     pub(super) fn enter(&self, value: u8) {
         self.status.store(value);
         self.control.store(value);
     }
 
-    /// Changes bits of both registers and keeps simultaneous writes of the firmware.
+    /// Changes bits of both registers. Simultaneous writes of the firmware to other bits are not lost.
     pub(super) fn change(&self, change: impl Fn(u8) -> u8) {
         self.status.update(&change);
         self.control.update(&change);

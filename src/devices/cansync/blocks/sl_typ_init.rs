@@ -5,7 +5,8 @@ use crate::plc::function_block;
 macro_rules! inputs {
     ($($index:literal $name:ident,)*) => {
         function_block! {
-            /// Collects the slave types for input `a_SL_TYP` of `CANsync_INIT` (manual p. 261-262). Uses no register.
+            /// Collects the slave types for input `a_SL_TYP` of `CANsync_INIT` (manual p. 261-262). The block
+            /// uses no register.
             pub struct CANsync_SL_TYP_INIT() {
                 in {
                     $(

@@ -1,5 +1,6 @@
-//! The CANsync blocks in IEC Structured Text, for `commram export st --blocks`. Tests compare them with the Rust
-//! blocks: a test of the documentation compares names and pins, and other tests run both and compare the behaviour.
+//! The CANsync blocks in IEC Structured Text, for `commram export st --blocks`. A test of the documentation
+//! compares their names and pins with those of the Rust blocks. Other tests run both versions of a block and
+//! compare the behaviour.
 
 /// The texts, in `st/`.
 pub(crate) mod text {
@@ -20,8 +21,8 @@ pub(crate) mod text {
     pub(crate) const INTR_SET: &str = include_str!("../../intr_set.st");
 }
 
-/// Declares the blocks of a device in Structured Text: the names of its INIT, master and slave structures, its own
-/// parts of these blocks, and the parts that follow them.
+/// Declares the blocks of a device in Structured Text: the names of its INIT, master and slave structures,
+/// its own parts of these blocks, and the parts that come after them in the text.
 macro_rules! st {
     ($init:literal, $ma:literal, $sl:literal, $own:expr, [$($following:expr),*]) => {{
         use $crate::devices::cansync::blocks::st::text;

@@ -47,8 +47,8 @@ impl Block {
         (self.values * 4) as u16
     }
 
-    /// Returns the block of a job, or the error number of an invalid job (p. 168). A master that does not name the
-    /// transfer's length (bits 31 to 16) transfers a single block.
+    /// Returns the block of a job, or the error number of an invalid job (p. 168). If the master does not
+    /// give the transfer's length (bits 31 to 16), the transfer consists of a single block.
     pub(super) fn of_job(base_address: u32, length: u16) -> Result<Self, u16> {
         let low = base_address & 0xFFFF;
         let first = low.checked_sub(FIRST_ADDRESS).ok_or(updown_error::BASE_ADDRESS)? as usize;

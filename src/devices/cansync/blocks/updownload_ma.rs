@@ -8,10 +8,10 @@ use crate::devices::cansync::registers::values::updown_master::{ACTIVE, CANCEL, 
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
-/// Control register of a new job, without the direction. The firmware adds the mode.
+/// Value of the control register for a new job, without the direction. The firmware adds the mode.
 const ENTERED: u8 = ACTIVE | MODE_INIT;
-/// The manual gives a preset of `t_TIME` only for the slave's block. The master's block uses the preset of the slave's
-/// block (decision D-212).
+/// Preset of `t_TIME`. The manual gives it only for the slave's block. The master's block uses the same
+/// preset (decision D-212).
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -54,7 +54,7 @@ pub(crate) struct Inputs {
 pub(crate) enum Failure {
     /// `u_LENGTH` is 0 or more than 2048.
     Length,
-    /// The last attempt for a block took too long.
+    /// The time of the last attempt for a block has run out.
     Timeout,
     /// The slave or the node has returned this error number.
     Slave(u16),
@@ -188,13 +188,13 @@ impl Transfer {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        // During the whole monitoring time, the command channel did not poll the slave of an earlier job, so the
-        // cancellation of that job was not sent. The block ends the cancellation here.
+        // During the whole monitoring time, the command channel did not poll the slave of an earlier job. So
+        // the master has not sent the cancellation of that job. The block ends the cancellation here.
         if matches!(self.phase, TransferPhase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }
         if this.number < inputs.tries {
-            // The new job replaces the old job. The registers are free when the old job is withdrawn.
+            // The new job replaces the old job. The registers are free as soon as the old job is withdrawn.
             if let TransferPhase::Running(_) = self.phase {
                 job(base).enter(0);
             }
@@ -238,8 +238,8 @@ macro_rules! updownload_ma {
                     us_MAX_NR_OF_COMM: u8 = 1;
                     /// Monitoring time of each attempt for a block, in emulated time; preset 30 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::updownload_ma::PRESET_TIME;
-                    /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
-                    /// block then needs `x_RESET`.
+                    /// Starts the job. The input must stay TRUE until `x_BUSY` becomes FALSE. If it becomes
+                    /// FALSE earlier, the job is cancelled, and the block needs `x_RESET`.
                     x_EN: bool;
                     /// Resets the block; needed after an error or a cancelled job.
                     x_RESET: bool;

@@ -20,7 +20,8 @@ function_block! {
         in {
             /// Monitoring time of a whole job, in emulated time; preset 30 s.
             t_TIME: Duration = PRESET_TIME;
-            /// Accepts jobs. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+            /// Accepts jobs. If the input becomes FALSE while `x_BUSY` is TRUE, the job is cancelled, and the
+            /// block needs `x_RESET`.
             x_EN: bool;
             /// Resets the block; needed after an error or a cancelled job.
             x_RESET: bool;
@@ -53,7 +54,7 @@ function_block! {
 pub enum TransferPhase {
     #[default]
     Idle,
-    /// A job of several blocks is in progress, with its latest block.
+    /// A job of several blocks is in progress. The second field is its latest block.
     Transfer(Watch, Block),
     /// The last block is answered. The master has not fetched the answer yet.
     Ending(Watch),
@@ -90,13 +91,14 @@ impl CANsync_UPDOWNLOAD_SL {
             return self.show(if is_locked { TransferPhase::Locked } else { TransferPhase::Idle });
         }
         if is_locked {
-            // The block needs a reset, so it refuses the job. Otherwise the master would wait.
+            // The block is waiting for a reset, so it refuses the job. Otherwise the master would wait for an
+            // answer.
             if control & ACTIVE != 0 {
                 refuse(_BASE, updown_error::SLAVE_CANCELS);
             }
             return;
         }
-        // A new job means that the answer to the previous one was also sent.
+        // A new job means that the answer to the previous job was sent.
         if matches!(self.internal, TransferPhase::Ending(_)) && (control & BUSY == 0 || control & ACTIVE != 0)
         {
             self.show(TransferPhase::Idle);
@@ -108,7 +110,8 @@ impl CANsync_UPDOWNLOAD_SL {
                 (MODE_END, TransferPhase::Transfer(watch, block)) => {
                     self.block_done(_BASE, watch, block, a_DOWNLOAD)
                 }
-                // The transfer began before this block was enabled or reset.
+                // The transfer began before this block was enabled or reset, so its earlier blocks are
+                // missing.
                 _ => refuse(_BASE, updown_error::SLAVE_CANCELS),
             }
         }
@@ -128,7 +131,7 @@ impl CANsync_UPDOWNLOAD_SL {
         self.x_ORDER_ACTIV = self.x_BUSY;
     }
 
-    /// Handles the start of a block by the master. The first block starts the job.
+    /// Called when the master starts a block of a transfer. The first block starts the job.
     fn begin(
         &mut self,
         base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,

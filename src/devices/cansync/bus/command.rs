@@ -25,7 +25,8 @@ impl Run<'_> {
         let Some(frame) = self.bus.command.take() else { return };
         match (self.arrives(Slot::CommandEnd, &frame), frame.kind()) {
             (Fate::Arrives, _) => self.deliver(&frame, false),
-            // The master does not notice that its job frame was lost, so it waits for the answer.
+            // The master does not notice that its job frame was lost, so it waits for the answer until the
+            // timeout.
             (Fate::Lost, Some(FrameKind::Job(_))) => self.start_timeout(),
             (Fate::Lost | Fate::Late, _) => {}
         }
@@ -48,8 +49,8 @@ impl Run<'_> {
         }
     }
 
-    /// Reports a finding for each parameter of a drive with a value that does not suit the bus. The finding is at the
-    /// register through which the master's PLC sets the parameter.
+    /// Reports a finding for each parameter of a drive with a value that does not suit the bus. The finding
+    /// names the register through which the master's PLC sets the parameter.
     fn find_wrong_settings(&mut self, index: usize) {
         let interval_us = u32::from(self.timing.b_TIME_PATTERN) * 1000;
         let Some(drive) = self.drive(index) else { return };
@@ -121,7 +122,7 @@ impl Run<'_> {
         }
     }
 
-    /// Notifies the sender of an answer that the answer was sent.
+    /// Notifies the slave with this number that its answer was sent.
     pub(super) fn answer_has_left(&mut self, number: u8) {
         if let Station::Node(index) = self.station(number) {
             self.node(index, |slave, ctx| slave.response_sent(ctx));

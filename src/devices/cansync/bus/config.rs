@@ -20,8 +20,8 @@ use toml::de::{Error, ValueDeserializer};
 pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Baud rate of the drives without a baud rate setting: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
-    /// runs at the rate that its master is initialized with.
+    /// Baud rate of the drives without a baud rate setting: 1000, 500, 250 or 125 kbit/s (default 500). The
+    /// bus itself runs at the rate with which its master is initialized.
     #[serde(default = "default_kbit_s")]
     pub kbit_s: u16,
     /// Length of the process data frames: `"fixed"` (default) or `"variable"` (decision D-10).
@@ -86,8 +86,8 @@ impl BusSection for BusConfig {
         Ok(())
     }
 
-    /// Reports drives that will receive nothing: their rate is not possible on the bus, or not the rate of the other
-    /// stations (decision D-541).
+    /// Returns a doubt for each drive that will receive nothing, because its rate is not possible on the bus
+    /// or differs from the rate of the other stations (decision D-541).
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let bus = &self.name;
         let has = |master: &MasterConfig, kbit_s| master.kbit_s.is_empty() || master.kbit_s.contains(&kbit_s);

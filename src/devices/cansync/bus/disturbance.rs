@@ -1,4 +1,4 @@
-//! Effects of faults on a bus: frames that do not arrive as they should, and slaves that are switched off.
+//! Effects of faults on a bus: frames that are lost, delayed or changed, and slaves that are switched off.
 
 use super::schedule::Slot;
 use super::slots::OnWire;
@@ -21,15 +21,15 @@ pub(super) struct Disturbance {
     pub(super) late: u8,
     /// Frames that arrive outside of their slots.
     pub(super) strays: Vec<Stray>,
-    /// Delay of the present SYNC edge against its regular time, in us.
+    /// Time by which the present SYNC edge is later than its regular time, in us.
     pub(super) shift: i64,
-    /// The job in progress, while there are faults.
+    /// The job in progress. It is stored only while there are faults.
     pub(super) job: Option<Frame>,
-    /// The answer to the job that a fault produces instead of the slave.
+    /// The answer to the job, if a fault produces the answer instead of the slave.
     pub(super) answer: Option<Frame>,
 }
 
-/// Fate of a frame at its regular end.
+/// State of a frame at its regular end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
     /// The receivers have the frame.
@@ -48,7 +48,7 @@ pub(super) struct Stray {
     pub(super) frame: Frame,
     /// True if the frame arrives for the second time.
     pub(super) copy: bool,
-    /// The guest that sent the frame, if a guest did.
+    /// The guest that has sent the frame; `None` if no guest has sent it.
     pub(super) guest: Option<u8>,
 }
 
@@ -58,7 +58,7 @@ impl Disturbance {
         self.off.checked_shr(slave.into()).unwrap_or(0) & 1 != 0
     }
 
-    /// Returns and clears the fate of the frame at this place on the wire at its regular end.
+    /// Returns the fate of the frame at this place on the wire at its regular end, and clears it.
     #[inline]
     pub(super) fn take_fate(&mut self, place: usize) -> Fate {
         let bit = 1 << place;
@@ -87,13 +87,13 @@ impl Disturbance {
         self.answer.take()
     }
 
-    /// Schedules the next edge at its regular time.
+    /// Removes the shift, so that the next edge comes at its regular time.
     #[inline]
     pub(super) fn end_jitter(&mut self) {
         self.shift = 0;
     }
 
-    /// Returns the delay of the present edge against its regular time, in us.
+    /// Returns the time by which the present edge is later than its regular time, in us.
     #[inline]
     pub(super) fn shift(&self) -> i64 {
         self.shift
@@ -101,7 +101,8 @@ impl Disturbance {
 }
 
 impl SimBus {
-    /// Switches off the slaves that faults have switched off, bit n for slave n.
+    /// Switches off the slaves in `off`, bit n for slave n, because of faults. Slaves that faults no longer
+    /// switch off are switched on.
     pub(super) fn switch_off_by_faults(&mut self, now: u64, off: u32) {
         self.disturbance.faulty = off;
         self.switch_off(now, off | self.disturbance.unpowered);
@@ -117,8 +118,8 @@ impl SimBus {
         }
     }
 
-    /// Switches off these slaves and no others, bit n for slave n. A drive that was off starts as at power-on. A node
-    /// of a PLC has its plug pulled (decision D-123).
+    /// Switches off exactly these slaves, bit n for slave n. A drive that is switched on again starts as at
+    /// power-on. The node of a PLC is disconnected from the bus, as if its plug were pulled (decision D-123).
     fn switch_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
@@ -134,18 +135,18 @@ impl SimBus {
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
         let trips = drive.is_some_and(|drive| drive.trip(fault));
         if trips {
-            // The drive must come to a standstill even without SYNC.
+            // Even if there is no SYNC, the drive must come to a standstill.
             self.wake_drives(now);
         }
         trips
     }
 
-    /// Marks as lost the frames that this sender has on the wire or scheduled, because the sender has stopped. A frame
-    /// that has ended is complete and stays.
+    /// Marks as lost the frames of this sender that are on the wire or scheduled, because the sender has
+    /// stopped. Frames that have already ended are not affected.
     pub(super) fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
         for (place, wire) in self.on_wire.iter_mut().enumerate() {
             if let Some(OnWire { due, .. }) = wire.take_if(|wire| wire.sender == sender && wire.until > now)
-                // A fault has delayed the frame beyond its slot, so another frame may be in its place now.
+                // A fault has delayed the frame beyond its slot, so the place may now contain another frame.
                 && due > now
             {
                 self.disturbance.lost |= 1 << place;
@@ -154,7 +155,7 @@ impl SimBus {
         self.disturbance.strays.retain(|stray| !stray.is_of(sender));
         match sender {
             Sender::Master => {
-                // A frame under construction never reaches the controller.
+                // A frame that the firmware is still building never reaches the controller.
                 for (reference, built) in self.reference.iter_mut().zip([Slot::Built1, Slot::Built2]) {
                     reference.take_if(|_| self.schedule.at(built).is_some());
                 }

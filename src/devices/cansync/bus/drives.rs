@@ -1,15 +1,15 @@
-//! The drives on a bus, brought up to date when they are accessed.
+//! The drives on a bus. Accesses bring them up to date.
 //!
-//! SYNC edges and reference value frames come to all drives in every interval, but few drives are accessed in an
-//! interval. So the bus logs these events once for all drives. Each access through this module first brings the drive
-//! up to date.
+//! SYNC edges and reference value frames come to all drives in every interval, but few drives are accessed in
+//! an interval. So the bus does not pass these events to each drive, but logs them once for all. An access
+//! through this module first brings the drive up to date.
 
 use crate::devices::cansync::drive::{BusEvent, Drive, EventLog};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use std::sync::OnceLock;
 
-/// Number of logged events after which all drives catch up: about 128 intervals, four times the number of drives that
-/// can be requested in turn.
+/// Number of logged events after which all drives process the log: about 128 intervals, four times the number
+/// of drives that can be requested in turn.
 const MOST: usize = 384;
 
 /// The drives on a bus.
@@ -24,9 +24,9 @@ pub(super) struct Drives {
     taken: Vec<usize>,
     /// Drives that are switched off, bit n for slave n. These drives receive no events.
     off: u32,
-    /// Slaves that send actual value frames which a drive evaluates, bit n for slave n.
+    /// Slaves with actual value frames that at least one drive evaluates, bit n for slave n.
     overheard: u32,
-    /// Copies of the drives for readers, brought up to date.
+    /// Copies of the drives for readers. The copies are up to date.
     shown: OnceLock<Vec<Drive>>,
 }
 
@@ -116,8 +116,8 @@ impl Drives {
         })
     }
 
-    /// Switches exactly these drives off, bit n for slave n. After a change of its supply, a drive has its state at
-    /// power-on.
+    /// Switches exactly these drives off, bit n for slave n. A drive that is switched on or off gets its
+    /// state at power-on.
     pub(super) fn switch_off(&mut self, off: u32) {
         self.settle();
         let changed = self.off ^ off;

@@ -1,4 +1,5 @@
-//! The end of a bus at a device: the firmware of a node, and its counters in the header page.
+//! The end of a bus at a device. It consists of the firmware of a node and of the node's counters in the
+//! header page.
 
 use crate::devices::Context;
 use crate::devices::cansync::drive::DriveConfig;
@@ -36,12 +37,13 @@ pub enum SocketRole {
     },
     /// The node is a slave of the bus.
     Slave {
-        /// Slave number, valid until the device starts with another number at its switches.
+        /// Slave number. It is valid until the device starts with another number at its switches.
         number: u8,
         /// Rules for locking to the SYNC signal.
         lock: SyncLock,
     },
-    /// A slave without registers: the built-in drive of the device, on the bus under its slave number.
+    /// A slave without registers. It is the built-in drive of the device, which is on the bus with the
+    /// device's slave number.
     Drive(Box<DriveConfig>),
 }
 
@@ -52,8 +54,8 @@ pub(super) struct End<F> {
     pub(super) origin: Origin,
     /// True if the node's device has power and is not held in RESET.
     pub(super) is_on: bool,
-    /// Time at which the node last sent or received a frame, in emulated microseconds. `None` if no frame has passed
-    /// since the node is on the bus.
+    /// Time at which the node last sent or received a frame, in emulated microseconds. `None` if the node has
+    /// neither sent nor received a frame since it was connected.
     pub(super) last_frame: Option<u64>,
     header: View<Header>,
     segment: Segment,
@@ -135,7 +137,8 @@ impl End<Master> {
 
     /// Resets the firmware: its RAM and all its state are lost.
     pub(super) fn forget(&mut self) {
-        // This cannot fail: a structure was at this address before, so the memory segment is large enough.
+        // A structure was at this address before, so the memory segment is large enough, and this cannot
+        // fail.
         if let Ok(master) = Master::new(&self.segment, self.location) {
             self.firmware = master;
         }
@@ -147,7 +150,7 @@ impl End<Slave> {
         End::new(socket, Slave::new(&socket.segment, socket.location, number, lock)?)
     }
 
-    /// Resets the firmware, as [`End::forget`] does for a master. From now on the slave has this number.
+    /// Resets the firmware, as [`End::forget`] does for a master. From then on the slave has this number.
     pub(super) fn begin_as(&mut self, number: u8) {
         let SocketRole::Slave { lock, .. } = &self.role else { return };
         if let Ok(slave) = Slave::new(&self.segment, self.location, number, *lock) {

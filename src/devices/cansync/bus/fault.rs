@@ -1,4 +1,5 @@
-//! Effects of injected faults on the traffic of a bus. Without faults, only the flags in `Disturbance` are tested.
+//! Effects of injected faults on the traffic of a bus. Without faults, the bus only tests the flags in
+//! `Disturbance`.
 
 use super::disturbance::Stray;
 use super::end::PortRef;
@@ -17,8 +18,8 @@ use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
 impl Run<'_> {
-    /// Applies faults to a frame with the planned start `from`. Returns the start time of the frame; `None` if it is
-    /// lost.
+    /// Applies faults to a frame with the planned start `from`. Returns the start time of the frame, or
+    /// `None` if a fault loses the frame.
     #[cold]
     pub(super) fn disturb(
         &mut self,
@@ -74,7 +75,7 @@ impl Run<'_> {
         self.bus.schedule_strays();
     }
 
-    /// Delivers frames outside of their slots, in the order in which they were sent.
+    /// Delivers frames that arrive outside of their slots, in the order in which they were sent.
     pub(super) fn stray_frames(&mut self) {
         let now = self.now;
         for Stray { frame, copy, guest, .. } in
@@ -96,7 +97,8 @@ impl Run<'_> {
         self.bus.schedule_strays();
     }
 
-    /// Delivers a frame to all its receivers. A node with an overrun does not receive it. The sender is not affected.
+    /// Delivers a frame to all its receivers. A node with an overrun of its controller does not receive it.
+    /// The sender is not affected.
     pub(super) fn deliver(&mut self, frame: &Frame, copy: bool) {
         if self.faults.is_empty() {
             return self.deliver_to_all(frame, copy);
@@ -130,7 +132,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the nodes of this bus that lose `frame` to an overrun.
+    /// Returns the nodes of this bus that lose `frame` because of an overrun.
     fn overruns(&mut self, frame: &Frame) -> Vec<PortRef> {
         let mut overrun_nodes = Vec::new();
         let bus = &mut *self.bus;
@@ -175,8 +177,8 @@ impl Run<'_> {
         lost
     }
 
-    /// Calculates the shift of the next edge of this bus's own SYNC signal by faults, in us: late and early
-    /// alternately, beginning with late (decision D-125).
+    /// Calculates by how many microseconds faults shift the next edge of this bus's own SYNC signal. The
+    /// edges are late and early alternately; the first is late (decision D-125).
     #[cold]
     pub(super) fn move_next_edge(&mut self) {
         let mut shift = 0;
@@ -193,7 +195,7 @@ impl Run<'_> {
         self.bus.disturbance.shift = shift;
     }
 
-    /// Returns the job that arrives at the slave. A fault may have changed its offset.
+    /// Returns the job that arrives at the slave. A fault may have changed the offset in the job.
     #[cold]
     pub(super) fn wrong_job(&mut self, number: u8, frame: Frame) -> Frame {
         let Ok(job) = UpDownJob::decode(frame.payload()) else { return frame };
@@ -206,7 +208,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the answer that arrives at the master. A fault may have changed its offset.
+    /// Returns the answer that arrives at the master. A fault may have changed the offset in the answer.
     #[cold]
     pub(super) fn wrong_answer(&mut self, number: u8, frame: Frame) -> Frame {
         let job = self.bus.disturbance.job.and_then(|job| UpDownJob::decode(job.payload()).ok());
@@ -264,7 +266,8 @@ fn is_slave(target: Target, number: u8) -> bool {
     matches!(target, Target::Participant { number: slave, .. } if slave == number)
 }
 
-/// Returns the answer BUSY, or an error number, to a job. `None` if the frame is not a job with an answer.
+/// Returns the answer to a job: BUSY, or the error number if one is given. `None` if the frame is not a job
+/// with an answer.
 fn busy_or_error(job: &Frame, slave: u8, error: Option<u16>) -> Option<Frame> {
     let payload = job.payload();
     if is_up_download(payload) {

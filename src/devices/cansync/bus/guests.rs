@@ -1,5 +1,5 @@
-//! Guests on a CANsync bus. Guests have no slot: their frames arrive outside of the slots, like frames that a fault
-//! repeats (decision D-315).
+//! Guests on a CANsync bus. Guests have no slot, so their frames arrive outside of the slots, like frames
+//! that a fault repeats (decision D-315).
 
 use super::SimBus;
 use super::disturbance::Stray;
@@ -28,7 +28,7 @@ impl SimBus {
         let running = self.running.as_ref().ok_or(GuestRefusal::NotHere)?;
         let airtime = wire::airtime(&frame, u32::from(running.timing.kbit_per_s));
         journal.find(now, Finding::at_bus(&rules::FOREIGN_FRAME, self.index, guest, raw.into()));
-        // A guest sends over one line, so only one of its frames can be on the way at a time.
+        // A guest sends over one line, so only one of its frames can be in progress at a time.
         let of_guest = self.disturbance.strays.iter().filter(|stray| stray.guest == Some(guest));
         let begin = of_guest.map(|stray| stray.end).fold(now, u64::max);
         let end = begin + u64::from(airtime.occupation_us);

@@ -1,9 +1,9 @@
 //! Behaviour of drives without SYNC edges: they continue by their own clocks.
 //!
-//! A running bus notifies its drives of each edge, even of an edge that is lost on the line. There are no notifications
-//! if the master was restarted, or if the bus from which it takes its SYNC has no signal. Then the first interval
-//! without an edge begins one and a half intervals after the last edge, because no edge could come later. Further
-//! intervals follow until all drives are at a standstill.
+//! A running bus notifies its drives of each edge, even of an edge that is lost on the line. There are no
+//! notifications if the master was restarted, or if the bus that supplies the SYNC signal has no signal. Then
+//! the first interval without an edge begins one and a half intervals after the last edge: from that moment
+//! on, an edge would be too late. Further intervals follow until all drives are at a standstill.
 
 use super::SimBus;
 use super::schedule::Slot;
@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 pub(super) struct OwnClock {
     /// Start of the next interval without an edge, in microseconds.
     next: u64,
-    /// Length of the last interval with a SYNC signal.
+    /// Length in microseconds of the last interval with a SYNC signal.
     interval_us: u32,
 }
 
 impl Default for OwnClock {
-    /// Before the first edge, a drive has no other clock than the cycle of its control task.
+    /// Before the first edge, the cycle of its control task is the only clock of a drive.
     fn default() -> Self {
         OwnClock { next: 0, interval_us: 500 }
     }
@@ -36,7 +36,7 @@ impl SimBus {
         }
     }
 
-    /// Handles an edge that was lost on the line.
+    /// Handles an edge that was lost on the line: the drives do not see it.
     pub(super) fn no_edge_for_drives(&mut self, now: u64, interval_us: u32) {
         self.interval_without_edge(now, interval_us);
         self.own_clock = OwnClock { next: now + u64::from(interval_us) * 3 / 2, interval_us };
@@ -63,14 +63,14 @@ impl SimBus {
         self.schedule_own_clock(now);
     }
 
-    /// Schedules the own clock after a change at a drive that may have been idle.
+    /// Schedules the own clock again, because a drive that may have been idle has changed.
     pub(super) fn wake_drives(&mut self, now: u64) {
         self.schedule_own_clock(now);
         self.next = self.schedule.next_time();
     }
 
-    /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off need none: they are as at power-on, unlocked
-    /// and idle.
+    /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off do not need their own clock: they
+    /// have their state at power-on, which is unlocked and idle.
     pub(super) fn schedule_own_clock(&mut self, now: u64) {
         let OwnClock { next, interval_us } = &mut self.own_clock;
         if *next <= now {

@@ -111,8 +111,8 @@ impl Bus for SimBus {
                 true
             }
             PortRef::Slave(index) => {
-                // Every node is numbered again, even if its number is unchanged: another station may have the number
-                // now, or may have just released it.
+                // Every node gets its number again, even if the number is unchanged: another station may have
+                // taken the number, or may have just released it.
                 let is_free = self.renumber(index, address);
                 let end = &mut self.slaves[index];
                 if end.firmware.number() != address {
@@ -237,7 +237,7 @@ impl Bus for SimBus {
         self.next
     }
 
-    /// The bus is independent until the next edge, because an edge also concerns devices and other buses.
+    /// The bus is independent until the next edge. An edge also affects devices and other buses.
     fn apart_until(&self) -> u64 {
         self.schedule.at(Slot::Sync).unwrap_or(u64::MAX)
     }
@@ -394,8 +394,8 @@ impl Faulty for SimBus {
         self.switch_off_by_faults(now, off);
     }
 
-    /// A fault hits if it switches a working CAN controller of a node to BUS-off, or trips a drive that has no fault
-    /// yet.
+    /// Applies a fault to a node or drive. A fault hits if it switches a working CAN controller of a node to
+    /// BUS-off, or trips a drive that has no fault yet.
     fn fire(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
         let hits = match target {
             Target::Port { device, port } if effect.get() == Some(&can_faults::Effect::BusOff) => {
@@ -411,13 +411,14 @@ impl Faulty for SimBus {
     }
 }
 
-/// Reports a master that starts and must pass a SYNC signal on, although no other port can supply the signal.
+/// Reports a master that starts and must pass on the SYNC signal of another port, although no other port can
+/// supply a signal.
 fn report_no_sync_in(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
     ctx.find(&rules::NO_SYNC_IN, phases::INIT, offset, ma_sl_mode::MASTER_SYNC_IN.into());
 }
 
-/// A slave starts without a bus, or on a bus without a master (decision D-743).
+/// Reports a slave that starts without a bus, or on a bus without a master (decision D-743).
 fn report_no_master(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
     ctx.find(&rules::NO_MASTER, phases::INIT, offset, ma_sl_mode::SLAVE.into());
@@ -450,8 +451,9 @@ impl SimBus {
         goes
     }
 
-    /// Connects slave node `index`, which comes on, under `number`. Returns false if another station has the number; the
-    /// node is then not connected. A node that is off loses its number to this node; a drive keeps it (decision D-184).
+    /// Connects slave node `index`, which is switched on, under `number`. Returns false if another station
+    /// has this number; the node is then not connected. If the other station is a node that is off, that node
+    /// loses the number. A drive keeps its number even while it is off (decision D-184).
     fn renumber(&mut self, index: usize, number: u8) -> bool {
         if !self.is_wired {
             return true;
@@ -473,8 +475,8 @@ impl SimBus {
         is_free
     }
 
-    /// Returns the activity of a node's controller when a poll at `now` read its status: `Some(true)` sending,
-    /// `Some(false)` receiving.
+    /// Returns the activity of a node's controller at the moment at which a poll at `now` reads its status:
+    /// `Some(true)` if it is sending, `Some(false)` if it is receiving.
     fn on_wire(&self, now: u64, place: PortRef) -> Option<bool> {
         let read = self.status_read(now);
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&read))?;
@@ -488,18 +490,19 @@ impl SimBus {
         })
     }
 
-    /// Returns the time at which the firmware reads the status of the CAN controller for a poll at `now`. The polls of
-    /// processor cycles read the status at different moments of the interval, as if the interval were not a multiple of
-    /// the cycle. A poll that a doorbell requests reads the status at once (decision D-604).
+    /// Returns the time at which the firmware reads the status of the CAN controller in a poll at `now`. The
+    /// polls of processor cycles read the status at varying moments of the interval, as if the interval were
+    /// not a multiple of the cycle. A poll that a doorbell requests reads the status at once (decision
+    /// D-604).
     fn status_read(&self, now: u64) -> u64 {
-        /// 2^64 divided by the golden ratio: its multiples spread evenly over any span.
+        /// 2^64 divided by the golden ratio. The multiples of this number are spread evenly over any span.
         const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
         let Some(running) = &self.running else { return now };
         let cycle = self.processor_cycle_us;
         if !now.is_multiple_of(cycle) {
             return now;
         }
-        // All frames of the last half interval are known.
+        // The bus knows all frames of the last half interval, so the moment lies within this span.
         let span = cycle.min(u64::from(running.signal.interval_us) / 2);
         let turn = (now / cycle.max(1)).wrapping_mul(SPREAD);
         let before = (u128::from(turn) * u128::from(span)) >> u64::BITS;

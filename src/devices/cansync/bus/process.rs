@@ -43,7 +43,8 @@ impl Run<'_> {
         !lost
     }
 
-    /// Adds the edge as an event of the devices, after all other receivers. Slaves get none if the edge is `lost`.
+    /// Adds the edge as an event of the devices. The devices come after all other receivers. If the edge is
+    /// `lost`, only the device of the master gets it.
     fn sync_events(&mut self, lost: bool) {
         self.edges.extend(self.bus.masters.first().map(|master| master.origin));
         if !lost {
@@ -81,7 +82,7 @@ impl Run<'_> {
         self.bus.edge_for_drives(now, interval_us);
     }
 
-    /// Handles a lost edge. A locked slave detects it, because the slave computes the time of the next edge.
+    /// Handles a lost edge. A locked slave detects the loss, because it computes the time of the next edge.
     #[cold]
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;
@@ -92,7 +93,8 @@ impl Run<'_> {
         self.bus.no_edge_for_drives(now, interval_us);
     }
 
-    /// Deadline of reference value frame 1, and of the slaves' actual value frame 1 (decision D-354).
+    /// Handles the deadline of reference value frame 1 and of the slaves' actual value frame 1 (decision
+    /// D-354).
     pub(super) fn build_first(&mut self) {
         self.at(Slot::BuildActual2, self.timing.deadline_RDC2.latest);
         self.build_actual(Channel::One);
@@ -112,7 +114,7 @@ impl Run<'_> {
         self.send_reference(Channel::Two);
     }
 
-    /// Acknowledges a built frame and puts it into its slot.
+    /// Acknowledges a reference value frame that is built, and puts the frame into its slot.
     fn send_reference(&mut self, channel: Channel) {
         let Some(built) = self.bus.reference[channel.index()] else { return };
         let frame = self.bus.frame_length.of(built.frame);
@@ -145,7 +147,7 @@ impl Run<'_> {
         self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 
-    /// Makes the slave that the identifier names send its actual value frame in the slot of this frame.
+    /// Makes the slave that the identifier selects send its actual value frame in the slot of this frame.
     pub(super) fn request_actual(&mut self, channel: Channel, number: u8) {
         let answer = match self.station(number) {
             Station::Vacant => None,
@@ -163,7 +165,7 @@ impl Run<'_> {
             Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
             Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
-        // If a fault has delayed the request beyond the slot, the answer comes at once.
+        // If a fault has delayed the request beyond the slot of the answer, the answer is sent at once.
         self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
     }
 
@@ -190,9 +192,9 @@ impl Run<'_> {
         self.each_node(|slave, ctx| slave.build_actual(ctx, channel));
     }
 
-    /// The slaves' second actual value frame waits until WRC1 is received and processed, within the limits of the rate
-    /// (manual 5.00005.03a p. 182; several slaves: decision D-26). If the device has a separate fixed deadline, this
-    /// deadline may have passed already.
+    /// Sets the time at which the slaves build their second actual value frame: when WRC1 has been received
+    /// and processed, within the limits of the rate (manual 5.00005.03a p. 182; several slaves: decision
+    /// D-26). If the device has a separate fixed deadline, this deadline may have passed already.
     fn advance_actual2(&mut self) {
         let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
         let [earliest, latest] = [earliest, latest].map(|after| self.start + u64::from(after));

@@ -1,4 +1,4 @@
-//! Stations with another baud rate than the bus, which therefore receive nothing (decision D-540).
+//! Stations with another baud rate than the bus. They receive nothing (decision D-540).
 
 use super::SimBus;
 use crate::devices::cansync::firmware::Slave;
@@ -11,14 +11,14 @@ use crate::journal::{Finding, Journal};
 use core::mem::offset_of;
 
 impl SimBus {
-    /// Returns the rate of the running bus; the rate of the plant file if the bus is stopped.
+    /// Returns the rate of the running bus, or the rate of the plant file if the bus is stopped.
     pub(super) fn present_kbit_s(&self) -> u16 {
         self.running.as_ref().map_or(self.kbit_s, |running| running.timing.kbit_per_s)
     }
 
     /// Reports stations with another rate. Called when the bus starts.
     pub(super) fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
-        // On a bus that does not run, no station misses a frame because of its rate.
+        // On a stopped bus there are no frames that a station could miss because of its rate.
         if self.running.is_none() {
             return;
         }
@@ -48,7 +48,8 @@ impl SimBus {
     }
 }
 
-/// Reports a slave with another rate than its bus, which receives nothing. Called when the later of the two starts.
+/// Reports a slave with another rate than its bus: the slave receives nothing. Called at the start of the
+/// slave or of the bus, whichever starts later.
 pub(super) fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16) {
     if let Some(timing) = slave.timing()
         && timing.kbit_per_s != bus_kbit_s

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Slot {
-    /// End of the command frame (may be later than the next SYNC edge).
+    /// End of the command frame. It may be later than the next SYNC edge.
     CommandEnd,
-    /// t_RSPTO after the end of the command frame.
+    /// The time t_RSPTO after the end of the command frame has passed.
     ResponseTimeout,
     /// Falling edge of SYNC.
     Sync,
@@ -18,7 +18,7 @@ pub(super) enum Slot {
     ResponseEnd,
     /// Deadline of reference value frame 1 and of the slaves' actual value frame 1.
     Build1,
-    /// The firmware builds reference value frame 1; this is also the deadline of frame 2.
+    /// Reference value frame 1 is built. This moment is also the deadline of reference value frame 2.
     Built1,
     /// Reference value frame 2 is built.
     Built2,
@@ -68,7 +68,7 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Time of a slot without a due time.
+    /// Due time that means that the slot has no due time.
     pub(super) const NEVER: u64 = u64::MAX;
 
     pub(super) fn empty() -> Self {

@@ -12,25 +12,26 @@ use serde::{Deserialize, Serialize};
 /// Number of frame places in an interval.
 pub(super) const PLACES: usize = 6;
 
-/// A frame on the wire, or a scheduled one, for the status registers.
+/// A frame on the wire, or a scheduled frame. The status registers need it.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OnWire {
     /// Start of the frame, in microseconds.
     pub(super) from: u64,
     /// End of the frame, in microseconds.
     pub(super) until: u64,
-    /// Regular end of the frame, in microseconds. It is before `until` if a fault delays the frame.
+    /// Regular end of the frame, in microseconds. If a fault delays the frame, this time is before `until`.
     pub(super) due: u64,
-    /// Earliest start of the next slot's frame, in microseconds. 0 if this frame is outside of its slot, because it
+    /// Earliest start of the next slot's frame, in microseconds. 0 if this frame is outside of its slot: it
     /// then delays no other frame (decision D-127).
     pub(super) free: u64,
     pub(super) sender: Sender,
 }
 
 impl Run<'_> {
-    /// Puts a frame on the wire at the start of its slot, or now if that time has passed. The end of the frame is the
-    /// event `slot`. The frame waits until the previous slot's frame has left the wire (decision D-280). Returns the
-    /// start time at the receivers; `None` if a fault loses the frame.
+    /// Puts a frame on the wire at the start of its slot, or now if that time has passed. The event `slot` is
+    /// the end of the frame. The frame waits until the previous slot's frame has left the wire (decision
+    /// D-280). Returns the time at which the receivers see the start of the frame; `None` if a fault loses
+    /// the frame.
     pub(super) fn transmit(
         &mut self,
         slot: Slot,
@@ -42,7 +43,7 @@ impl Run<'_> {
         let place = place_on_wire(slot);
         let before = self.bus.on_wire[(place + PLACES - 1) % PLACES];
         let from = slot_start.max(self.now).max(before.map_or(0, |frame| frame.free));
-        // Clear the fate of an earlier frame that never reached its end in this place.
+        // An earlier frame in this place may not have reached its end. Its fate is cleared here.
         self.bus.disturbance.take_fate(place);
         let begin =
             if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, airtime) };
@@ -54,7 +55,8 @@ impl Run<'_> {
         self.bus.on_wire[place] = Some(OnWire { from: from_seen, until, due, free, sender });
         self.bus.schedule.set(slot, due);
         if slot == Slot::Actual1End {
-            // The master passed WRC2 to its controller before RDC1 was requested.
+            // The master passes WRC2 to its controller before RDC1 is requested, so WRC2 may have to wait for
+            // this frame.
             self.hold_back(Slot::Reference2End, free);
         }
         begin
@@ -74,7 +76,7 @@ impl Run<'_> {
         self.bus.schedule.set(slot, due);
     }
 
-    /// Handles the regular end of a frame. Notes the frame if it arrives now.
+    /// Handles the regular end of a frame. If the frame arrives now, notes this for the LEDs.
     pub(super) fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
         let place = place_on_wire(slot);
         let fate = self.bus.disturbance.take_fate(place);
@@ -95,7 +97,7 @@ impl Run<'_> {
         self.show_received(&frame);
     }
 
-    /// Notes the end of a sent frame, for the LED of its sender.
+    /// Notes that a frame of `sender` has ended, for the LED of the sender.
     fn show_sent(&mut self, sender: Sender) {
         let now = Some(self.now);
         match sender {
@@ -131,8 +133,8 @@ impl Run<'_> {
     }
 }
 
-/// Returns the index in `SimBus::on_wire` of the frame that ends with `slot`. The indices follow the order of the
-/// slots. The place before the first one is the last one of the previous interval.
+/// Returns the index in `SimBus::on_wire` of the frame that ends with `slot`. The indices are in the order of
+/// the slots. The frame before the first place of an interval is the last frame of the previous interval.
 fn place_on_wire(slot: Slot) -> usize {
     match slot {
         Slot::ResponseEnd => 0,
@@ -148,7 +150,8 @@ fn place_on_wire(slot: Slot) -> usize {
 mod tests {
     use super::*;
 
-    /// A frame waits for the frame in the previous place, so two frames in one place would not wait for each other.
+    /// A frame waits only for the frame in the previous place. Two frames in one place would not wait for
+    /// each other.
     #[test]
     fn frames_of_an_interval_have_places_in_slot_order() {
         use Slot::*;

@@ -37,7 +37,7 @@ impl SnapshotFields for SimBus {
         drive_ends.save(to);
         drives.save(to);
         to.value(stations);
-        // The rate is the rate of the master that started the bus.
+        // The rate is not saved: it is the rate of the master that started the bus.
         to.value(&running.as_ref().map(|it| (it.own_sync, it.signal, it.start)));
         to.value(&(schedule, next, on_wire, reference, actual, command));
         to.value(&(asked, drive_answer, response, disturbance, own_clock));

@@ -1,5 +1,5 @@
-//! A bus at every baud rate, on a device that supports all four; and a bus whose participants are set to different
-//! rates.
+//! Tests a bus at every baud rate with a device that supports all four rates, and a bus with participants at
+//! different rates.
 
 use super::schedule::Slot;
 use super::{BusConfig, SimBus, Socket, SocketRole};
@@ -22,7 +22,8 @@ use crate::memory::{Cell8, Segment, View};
 
 const MASTER: usize = 0;
 const SLAVE: usize = 1;
-/// Number of the drive, which is requested in frame 1, and of the slave node, which is requested in frame 2.
+/// Number of the drive, which is requested in frame 1. `NODE` is the number of the slave node, which is
+/// requested in frame 2.
 const DRIVE: u8 = 1;
 const NODE: u8 = 2;
 
@@ -67,7 +68,7 @@ impl Bench {
         }
     }
 
-    /// Master, slave node and drive at this rate. The bus starts now.
+    /// Returns a bus with a master, a slave node and a drive at this rate. The bus starts now.
     fn started(rate: &BaudRate) -> Self {
         let mut bench = Bench::new(rate.kbit_per_s, &FOUR, &FOUR);
         bench.set_up(SLAVE, rate);
@@ -131,8 +132,8 @@ impl Bench {
         self.now = time;
     }
 
-    /// Returns the start of the last frame of the given kind within its interval; `rate` gives the length of the
-    /// interval.
+    /// Returns the start time, within its interval, of the last frame of the given kind. `rate` gives the
+    /// length of the interval.
     fn last(&self, kind: FrameKind, rate: &BaudRate) -> Option<u32> {
         let mut frames =
             self.journal.records().filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame)));
@@ -141,14 +142,15 @@ impl Bench {
         u32::try_from(begin % interval_us(rate)).ok()
     }
 
-    /// Returns the rates of nodes that receive nothing, and of their buses.
+    /// Returns the rate of each node that receives nothing, and the rate of its bus.
     fn rate_mismatches(&self) -> Vec<(u16, u16)> {
         let reports = self.journal.records().filter_map(|it| it.event.get::<BaudRateMismatch>());
         reports.map(|it| (it.node_kbit_s, it.bus_kbit_s)).collect()
     }
 }
 
-/// Returns the offset of the node's registers: a slot of the b maXX PLC, at all rates.
+/// Returns the offset of the registers of the node. The node is in a slot of a b maXX PLC, which supports all
+/// rates.
 fn base(place: usize) -> u32 {
     DEVICE.ports[place].area.first
 }
@@ -181,7 +183,8 @@ fn process_data_are_in_the_slots_of_every_rate() {
     }
 }
 
-/// Manual 5.02066.01a p. 18, 32: the answer comes in the next interval, and the rate gives the time limit for it.
+/// Manual 5.02066.01a p. 18, 32: the answer comes in the next interval, and the time limit for it depends on
+/// the rate.
 #[test]
 fn the_command_channel_has_the_times_of_every_rate() {
     for rate in &FOUR {
@@ -199,9 +202,9 @@ fn the_command_channel_has_the_times_of_every_rate() {
     }
 }
 
-/// The firmware sends values that are released before the earliest time of their deadline (answer 16#04), and leaves
-/// out values released at its latest time (16#05 stays). Manuals 5.02066.01a p. 54, 86-87, 5.00005.03a p. 153,
-/// 181-182; D-351, D-354.
+/// The firmware sends values that the program releases before the earliest time of their deadline (answer
+/// 16#04). It does not send values that the program releases at the latest time (16#05 stays). Manuals
+/// 5.02066.01a p. 54, 86-87, 5.00005.03a p. 153, 181-182; D-351, D-354.
 #[test]
 fn values_are_in_time_until_the_deadline_of_every_rate() {
     for rate in &FOUR {
@@ -244,8 +247,8 @@ fn devices_agree_on_the_times_of_the_rates_that_they_share() {
     }
 }
 
-/// An Omega Drive-Line II does not support 1000 kbit/s: it receives nothing on such a bus, in either order of the
-/// starts.
+/// An Omega Drive-Line II does not support 1000 kbit/s. It receives nothing on a bus at this rate, no matter
+/// whether the bus or the slave starts first.
 #[test]
 fn a_slave_of_another_rate_receives_nothing_and_is_reported() {
     let (fast, [slow, ..]) = (&FOUR[0], &THREE);

@@ -7,7 +7,8 @@ use crate::devices::cansync::watch::{Facts, NodeWatch};
 use crate::journal::{Journal, PortPhase};
 
 impl SimBus {
-    /// Returns the access checker of a port with registers, and the facts about the node that it needs.
+    /// Returns the access checker of a port with registers, and the facts about the node that the checker
+    /// needs.
     #[inline]
     pub(super) fn watched(&mut self, place: usize) -> Option<(&mut NodeWatch, Facts)> {
         Some(match self.places[place] {
@@ -23,7 +24,7 @@ impl SimBus {
         })
     }
 
-    /// Checks the mappings at a SYNC edge, where active nodes have taken their mapping over.
+    /// Checks the mappings at a SYNC edge: at this moment, active nodes have taken over their mapping.
     #[inline]
     pub(super) fn judge_mappings(&mut self, now: u64, journal: &mut Journal) {
         for place in 0..self.places.len() {
@@ -88,7 +89,8 @@ mod tests {
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};
 
-    /// Six modules in one device, slaves and masters alternately. Each finding must be at the offset of its module.
+    /// Six modules in one device, alternately slaves and masters. Each finding must be at the offset of its
+    /// module.
     #[test]
     fn every_port_of_a_device_is_watched() {
         const W_OPTION_STATUS: u32 = 2;

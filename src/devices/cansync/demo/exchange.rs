@@ -1,4 +1,4 @@
-//! The cyclic part of the soft-PLC: the work of a PLC in its SYNC event task.
+//! The cyclic part of the soft-PLC. A real PLC does this work in its SYNC event task.
 
 use super::trace::{Trace, Writer};
 use crate::devices::cansync::registers::values::send;
@@ -7,8 +7,8 @@ use std::time::Duration;
 
 /// Slave numbers of the drives.
 pub(crate) const DRIVES: [u8; 3] = [1, 2, 3];
-/// Number of traced intervals, enough for each drive to answer once. The first request goes to slave 0, and an answer
-/// is visible one interval later.
+/// Number of traced intervals. In this number of intervals each drive answers once: the first request goes to
+/// slave 0, and an answer is visible one interval later.
 const TRACED: u32 = 6;
 /// Increase of the reference value per interval.
 const SLOPE: u32 = 100;
@@ -24,11 +24,11 @@ pub(crate) struct Exchange<'a> {
     intervals: u32,
     /// SYNC pulses counted up to now.
     syncs: u32,
-    /// Intervals in which the PLC reacted in time.
+    /// Number of intervals in which the soft-PLC reacted in time.
     seen: u32,
-    /// Intervals that passed unnoticed, because this process did not get the processor.
+    /// Number of intervals that passed unnoticed, because this process did not get the processor.
     unseen: u32,
-    /// Reference value frames that the firmware took over before the next interval.
+    /// Number of reference value frames that the firmware took over before the next interval.
     sent: u32,
     /// Received actual value frames of each drive.
     received: [u32; DRIVES.len()],
@@ -108,7 +108,7 @@ impl<'a> Exchange<'a> {
             self.trace.note(Writer::Firmware, &node.b_STATREG_RDC1)?;
             self.trace.note(Writer::Firmware, &node.a_RD_BMARRAY[usize::from(slave)][0])?;
         }
-        // Any other number makes the register ready for the next frame.
+        // Any value other than that of a received frame makes the register ready for the next frame.
         node.b_STATREG_RDC1.store(0xFF);
         Ok(())
     }

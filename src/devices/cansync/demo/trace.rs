@@ -17,7 +17,7 @@ pub(crate) enum Writer {
     Firmware,
 }
 
-/// An attached image of a master. Values of registers are noted immediately and printed later, because printing takes
+/// An attached image of a master. Register values are noted at once but printed later, because printing takes
 /// longer than the answer of the firmware.
 pub(crate) struct Trace<'a> {
     show: Show<'a>,
@@ -80,7 +80,7 @@ impl<'a> Trace<'a> {
         self.print_text(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
     }
 
-    /// Prints the notes, then a headline for the following ones.
+    /// Prints the notes, then a headline for the notes that follow.
     ///
     /// # Errors
     /// Returns the errors of [`Trace::print_text`].
@@ -107,7 +107,8 @@ impl<'a> Trace<'a> {
         self.notes.borrow_mut().push(Note::Register { time_us, writer, address, live, value });
     }
 
-    /// Waits until a register of the master holds `wanted`, and notes it. `what` describes the awaited event.
+    /// Waits until a register of the master contains `wanted`, and notes the register. `what` describes the
+    /// awaited event in error messages.
     ///
     /// # Errors
     /// The emulator has ended, or [`DemoError::Stuck`] after `patience` of real time.

@@ -1,16 +1,17 @@
 //! Mode "synchronous reference position": conversion of the angle reference value (P258) to a speed.
 //!
-//! The drive interpolates from one reference value to the next over the SYNC slot (P167). If no new value comes, it
-//! continues with the same slope (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop with speed
-//! feed-forward follows that set point (decision D-163).
+//! The drive interpolates from one reference value to the next over the SYNC slot (P167). If no new value
+//! comes, it continues with the same slope (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop
+//! with speed feed-forward makes the drive follow this set point (decision D-163).
 
 use serde::{Deserialize, Serialize};
 
 /// Returns the mask of the effective bits of the angle reference value (table of manual 5.00005.03a p. 74).
 ///
-/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The drive divides the slot into a power of two
-/// of steps. So the number of masked low bits is the binary logarithm of the number of control intervals, rounded up. A
-/// slot that is not in the table is rounded up to the next slot of the table (decision D-161).
+/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The drive divides the slot into a
+/// number of steps that is a power of two. So the number of masked low bits is the binary logarithm of the
+/// number of control intervals, rounded up. A slot that is not in the table is rounded up to the next slot of
+/// the table (decision D-161).
 pub(crate) const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
     if sync_slot_us == 0 {
         return 0xFFF8_0000;
@@ -38,8 +39,8 @@ impl SetPoint {
         *self = SetPoint { from: angle, ..SetPoint::default() };
     }
 
-    /// Starts a slope to a reference value. The value is reached after one slot. If the slot is 0 us long, it is
-    /// reached at once.
+    /// Starts a slope to a reference value. The set point reaches the value after one slot, or at once if the
+    /// slot is 0 us long.
     #[inline]
     pub(crate) fn reference(&mut self, value: u32, slot_us: u16) {
         let (from, _) = self.now();
@@ -72,7 +73,8 @@ impl SetPoint {
     }
 }
 
-/// Returns the speed that brings `angle` to `set_point` with `gain` (1/s), added to the set point's own speed.
+/// Returns the speed that brings `angle` to `set_point` with `gain` (1/s), added to the set point's own
+/// speed.
 ///
 /// In one step of `step_us` the drive moves at most by the whole distance.
 #[inline]

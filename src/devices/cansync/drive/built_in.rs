@@ -1,4 +1,5 @@
-//! The built-in drive of a PLC, connected to its BAPS: the Omega Drive-Line II is a module inside the drive.
+//! The built-in drive of a PLC. It is connected to the PLC's BAPS: an Omega Drive-Line II is a module inside
+//! the drive.
 
 use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{DrivecomState, Enable};
@@ -10,10 +11,11 @@ use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
-/// Permitted difference between the distance of two trigger edges and the SYNC slot (P167), in us (decision D-156).
+/// Permitted difference between the SYNC slot (P167) and the time between two trigger edges, in us (decision
+/// D-156).
 const TOLERANCE_US: u32 = 20;
-/// Time after an edge during which the trigger signal counts as running, in us. This is longer than any period of a
-/// board timer or of CANsync.
+/// Time after an edge during which the trigger signal counts as running, in us. It is longer than any period
+/// of a board timer or of CANsync.
 const TRIGGERED_US: u64 = 100_000;
 
 /// The drive of a PLC, section `[plc.drive]` of the plant file. Every key has a default.
@@ -30,25 +32,26 @@ const TRIGGERED_US: u64 = 100_000;
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a drive: a table with its settings")]
 pub struct BuiltInDriveConfig {
-    /// Version of the drive software, 309 for 000309. From 309 on, the drive can be re-initialized while process data
-    /// run, and it exchanges four actual values in the same cycle (manual 5.00005.03a p. 90, 104).
+    /// Version of the drive software; 309 means 000309. From 309 on, the drive can be re-initialized while
+    /// process data run, and it exchanges four actual values in one cycle (manual 5.00005.03a p. 90, 104).
     pub software: u32,
     /// State after power-on.
     pub enable: Enable,
-    /// Time of an uninterrupted signal from the trigger controller until the drive is synchronized, in us (D-07).
+    /// Time in us for which the trigger controller must supply its signal without a gap until the drive is
+    /// synchronized (D-07).
     pub lock_time_us: u64,
-    /// Time without that signal until the drive is no longer synchronized, in us. Left out: two and a half SYNC slots
-    /// (P167); see [`SyncLock`].
+    /// Time in us without the signal of the trigger controller after which the drive is no longer
+    /// synchronized. Left out: two and a half SYNC slots (P167); see [`SyncLock`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
-    /// Reaction of the drive to a missing signal or missing process data of the PLC.
+    /// Reaction of the drive if the trigger signal or the process data of the PLC are missing.
     pub monitoring: BapsMonitoring,
     /// Time from a service data job to its answer, in us (decision D-158).
     pub service_time_us: u64,
     /// Largest change of the speed per second, as for a drive on the bus.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ramp_per_second: Option<NonZeroU32>,
-    /// Numbers of the built-in parameters that are not in the available manuals.
+    /// Numbers of built-in parameters for which the available manuals give no number.
     pub numbers: ParameterNumbers,
     /// Further parameters.
     pub parameters: Vec<ParameterSpec>,
@@ -110,9 +113,9 @@ impl BuiltInDrive {
         })
     }
 
-    /// Handles an edge of the trigger signal at `now_us`. After edges at the distance of the SYNC slot (P167) for the
-    /// lock time, the drive is synchronized. Returns true if the drive accepts this edge: a synchronized drive ignores
-    /// an edge at the wrong time.
+    /// Handles an edge of the trigger signal at `now_us`. The drive becomes synchronized when the edges have
+    /// had the distance of the SYNC slot (P167) during the lock time. Returns true if the drive accepts this
+    /// edge: a synchronized drive ignores an edge at the wrong time.
     pub(crate) fn trigger_edge(&mut self, now_us: u64) -> bool {
         let was_synchronized = self.is_synchronized();
         let slot = self.sync_slot_us();
@@ -129,8 +132,8 @@ impl BuiltInDrive {
         counts
     }
 
-    /// Runs the control task once at `now_us`, `us` after the previous run. A trigger signal that has been missing for
-    /// too long ends the synchronized state.
+    /// Runs the control task once at `now_us`. The previous run was `us` earlier. If the trigger signal has
+    /// been missing for too long, the drive is no longer synchronized.
     pub(crate) fn step(&mut self, now_us: u64, us: u32) {
         let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
@@ -157,7 +160,8 @@ impl BuiltInDrive {
         }
     }
 
-    /// Stops the monitoring until the first exchange, because the PLC configures new process data.
+    /// Stops the monitoring until the first exchange of process data, because the PLC configures new process
+    /// data.
     pub(crate) fn configured(&mut self) {
         if let Some(monitor) = &mut self.cyclic_data {
             monitor.mark_present();
@@ -168,8 +172,8 @@ impl BuiltInDrive {
         self.regler.sync_times().0
     }
 
-    /// Returns the first slot at `earliest` or later, at the SYNC offset after an edge; `None` unless the drive is
-    /// synchronized.
+    /// Returns the start of the first slot at `earliest` or later. A slot starts at the SYNC offset after an
+    /// edge. `None` unless the drive is synchronized.
     pub(crate) fn next_slot(&self, earliest: u64) -> Option<u64> {
         let edge = self.last_edge.filter(|_| self.is_synchronized())?;
         let (slot, offset) = self.regler.sync_times();
@@ -183,8 +187,8 @@ impl BuiltInDrive {
         self.regler.sync_times().1
     }
 
-    /// Returns the SYNC slot (P167) if it must be the time between two communications over the BAPS: with a trigger
-    /// signal, and in mode "synchronous reference position" (manual 5.00005.03a p. 89).
+    /// Returns the SYNC slot (P167) if it must be the time between two communications over the BAPS. This is
+    /// required with a trigger signal in mode "synchronous reference position" (manual 5.00005.03a p. 89).
     pub(crate) fn required_slot_us(&self, now_us: u64) -> Option<u32> {
         let is_triggered = self.last_edge.is_some_and(|last| now_us.saturating_sub(last) <= TRIGGERED_US);
         (is_triggered || self.regler.is_following_angle()).then(|| self.sync_slot_us())
@@ -204,7 +208,7 @@ impl BuiltInDrive {
         self.sync.is_locked()
     }
 
-    /// Returns true if no value changes without a command, and no error will be reported.
+    /// Returns true if no value will change without a command, and no monitoring will report an error.
     pub(crate) fn is_quiescent(&self) -> bool {
         let reports = [Some(&self.sync_monitor), self.cyclic_data.as_ref()];
         self.regler.is_quiescent()
@@ -268,7 +272,8 @@ mod tests {
         );
     }
 
-    /// Decision D-155: the trigger defines the time slices of a drive. A synchronized drive accepts only edges in time.
+    /// Decision D-155: the trigger defines the time slices of a drive. A synchronized drive accepts an edge
+    /// only at the right time.
     #[test]
     fn a_synchronized_drive_ignores_an_edge_at_the_wrong_time() {
         let mut drive = drive();

@@ -1,8 +1,9 @@
-//! The CANsync card in the drive: extracts reference values from frames, inserts actual values into frames, and
-//! exchanges both with the drive once per interval, together with the control word (manual 5.01010.01 p. 14-20).
+//! The CANsync card in the drive. It extracts reference values from frames and inserts actual values into
+//! frames. Once per interval it exchanges both kinds of values and the control word with the drive (manual
+//! 5.01010.01 p. 14-20).
 //!
-//! The ZK parameters are resolved to bit positions and parameter slots when the drive is built, so that a frame costs
-//! few instructions.
+//! The ZK parameters are converted to bit positions and parameter slots when the drive is built, so that a
+//! frame costs few instructions.
 
 mod run;
 
@@ -20,7 +21,7 @@ use crate::devices::cansync::registers::values::drive_status;
 use crate::snapshot_fields;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Number of intervals: the longest delay of ZK 24, and the present interval.
+/// Number of intervals that a delay line covers: the longest delay of ZK 24, and the present interval.
 const DELAY_LINE: usize = 4;
 
 #[derive(Clone, Debug)]
@@ -34,7 +35,7 @@ struct ReferenceSlot {
     target: ParameterSlot,
     /// True for a synchronous position reference value. A drive takes it only while it is synchronized (decision D-82).
     is_position: bool,
-    /// True if the value is used only when its frame also came in the previous interval.
+    /// True if the value is used only if its frame has also come in the previous interval.
     needs_every: bool,
     /// True if the frame came in the previous interval.
     came_before: bool,
@@ -57,9 +58,10 @@ struct Losses {
     allowed: u32,
     /// Frames of the master that carry a mapped reference value: bit 0 for frame 1, bit 1 for frame 2.
     wanted: u8,
-    /// Frames of `wanted` that came at least once. No frame can be lost before its first arrival.
+    /// Frames of `wanted` that have come at least once. Before its first arrival, a frame does not count as
+    /// lost.
     expected: u8,
-    /// Frames of `wanted` that came in the present interval.
+    /// Frames of `wanted` that have come in the present interval.
     seen: u8,
     in_succession: u32,
     total: u64,
@@ -72,9 +74,9 @@ pub(super) struct Card {
     actuals: [Option<ActualSlot>; 3],
     delay: u8,
     turn: u8,
-    /// The control word that waits for the next hand-over.
+    /// The control word that waits for the next hand-over to the drive.
     control_word: Option<u16>,
-    /// Number of hand-overs until every delay line is empty; 0 if no value waits.
+    /// Number of hand-overs until every delay line is empty; 0 if no value waits in a delay line.
     underway: u8,
     losses: Losses,
     stopped: bool,
@@ -120,7 +122,7 @@ impl SnapshotFields for Card {
 }
 
 impl ReferenceSlot {
-    /// Returns the value that was received in the previous interval, if it may be used.
+    /// Returns the value that was received in the previous interval, if the drive may use it.
     #[inline]
     fn take_received(&mut self) -> Option<u32> {
         let received = self.received.take();
@@ -141,7 +143,7 @@ impl ReferenceSlot {
 type ZkFault = (u8, u16, ZkError);
 
 impl Card {
-    /// Creates the card from the ZK parameters. The error names the wrong one with its value.
+    /// Creates the card from the ZK parameters. The error names the wrong ZK parameter and its value.
     pub(crate) fn new(
         zk: &ZkParameters,
         function: CardFunction,
@@ -245,7 +247,8 @@ impl Card {
         self.sampled_status
     }
 
-    /// Updates the last status word while the drive sends none: bit 15 is the card's own (p. 30).
+    /// Updates bit 15 of the last status word while the drive sends no status word: this bit belongs to the
+    /// card (p. 30).
     fn sample_sync_state(&mut self, sync_state: u16) {
         let Some(last) = self.sampled_status.filter(|last| last & drive_status::SYNCHRONIZED != sync_state)
         else {
@@ -257,9 +260,10 @@ impl Card {
         }
     }
 
-    /// Passes the control word and reference values to the drive. The values are those of the previous interval, or of
-    /// up to three intervals before it (ZK 24). If no value came, or if the drive refuses the value, the drive keeps
-    /// its last value. `is_synchronized`: the drive is synchronized now and was in the previous interval.
+    /// Passes the control word and reference values to the drive. The values are those of the previous
+    /// interval; with a delay (ZK 24), those of one to three intervals before that. If no value has come, or
+    /// if the drive refuses the value, the drive keeps its last value. `is_synchronized`: the drive is
+    /// synchronized now and was synchronized in the previous interval.
     #[inline]
     pub(crate) fn hand_over(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         if let (Some(word), false) = (self.control_word, self.stopped) {
@@ -316,7 +320,8 @@ impl Card {
         }
     }
 
-    /// Drops the reference values that came while no data are exchanged. The control word waits.
+    /// Drops the reference values that come while card and drive exchange no data. The control word continues
+    /// to wait.
     #[inline]
     pub(crate) fn discard(&mut self) {
         self.losses.seen = 0;
@@ -340,7 +345,7 @@ impl Card {
         self.losses.expected = 0;
     }
 
-    /// Returns true if reference value losses can stop the exchange; the last samples then stay valid.
+    /// Returns true if lost reference values can stop the exchange. The last samples then stay valid.
     #[inline]
     pub(crate) const fn may_stop(&self) -> bool {
         self.losses.allowed != 0
@@ -356,7 +361,7 @@ impl Card {
         self.losses.total
     }
 
-    /// Returns the own actual value frame, if a value is mapped into it.
+    /// Returns the card's actual value frame, if a value is mapped into it.
     #[inline]
     pub(crate) const fn frame(&self, channel: Channel) -> Option<Payload> {
         let (bits, len) = (self.frames[channel.index()], self.lens[channel.index()]);
@@ -378,7 +383,8 @@ impl Card {
     }
 }
 
-/// Returns the parameter that ZK `name` maps, if it exists and has the mapping's format.
+/// Returns the parameter that ZK parameter `name` maps, if the parameter exists and has the format of the
+/// mapping.
 fn mapped(
     (name, number): (u8, u16),
     (zk, mapping): (u8, u16),

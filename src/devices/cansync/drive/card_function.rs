@@ -10,10 +10,10 @@ const RATES: [(u16, u16); 4] = [(1000, 1000), (500, 2000), (250, 4000), (125, 80
 #[serde(try_from = "u8", into = "u8")]
 #[serde(expecting = "the number of a function of the card")]
 pub enum CardFunction {
-    /// Code 00, not for new applications: for 125 to 1000 kbit/s. ZK 26 has no effect. A reference value from another
-    /// slave's actual value frame requires a request for that frame in every interval.
+    /// Code 00, not for new applications: for 125 to 1000 kbit/s. ZK 26 has no effect. If a reference value
+    /// comes from another slave's actual value frame, the master must request that frame in every interval.
     Old,
-    /// 01: 125 to 500 kbit/s, monitors the loss of reference values (ZK 26).
+    /// Code 01: 125 to 500 kbit/s; monitors the loss of reference values (ZK 26).
     #[default]
     Current,
 }
@@ -53,7 +53,7 @@ impl CardFunction {
         matches!(self, CardFunction::Current)
     }
 
-    /// Returns true if another slave's frame must be requested in every interval.
+    /// Returns true if the card needs another slave's frame in every interval to use its reference value.
     pub(super) const fn needs_every_frame(self) -> bool {
         matches!(self, CardFunction::Old)
     }

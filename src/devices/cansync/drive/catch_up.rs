@@ -1,7 +1,8 @@
-//! Events that come to all drives on a bus, and the way in which a drive processes them later.
+//! Events that come to all drives on a bus. A drive processes them later than they occur.
 //!
-//! A drive sends nothing on its own initiative. So it need not process edges and reference values when they come. It is
-//! sufficient to process them, in their order, before the drive is read or gets an individual command.
+//! A drive sends nothing on its own initiative. So it need not process edges and reference values when they
+//! come. It is sufficient to process them, in their order, before the drive is read or gets an individual
+//! command.
 
 use super::Drive;
 use crate::can::Payload;
@@ -31,17 +32,17 @@ pub(crate) enum BusEvent {
 /// Log of the events, in their order.
 #[derive(Debug, Default)]
 pub(crate) struct EventLog {
-    /// The events that drives have not processed yet, or have processed in part.
+    /// The events that at least one drive has not processed yet.
     passed: Vec<BusEvent>,
     /// Index of the last edge.
     edge: Option<usize>,
-    /// Index of the first of the uniform intervals directly before that edge.
+    /// Index of the first of the uniform intervals directly before the last edge.
     alike_from: usize,
     frames: IntervalFrames,
 }
 
-/// The reference value frames of an interval: at most one of each channel, in order of the channels, of eight bytes
-/// each.
+/// The reference value frames of an interval: at most one of each channel, in the order of the channels. Each
+/// frame has eight bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct IntervalFrames {
     /// The channels of the frames: bit 0 for frame 1, bit 1 for frame 2.
@@ -51,7 +52,7 @@ struct IntervalFrames {
 }
 
 impl IntervalFrames {
-    /// Returns the frames of an interval with these events, if they fit this pattern.
+    /// Returns the frames of an interval with these events; `None` if the frames do not have this form.
     #[inline]
     fn of(came: &[BusEvent]) -> Option<Self> {
         let mut frames = IntervalFrames::default();
@@ -162,7 +163,8 @@ impl<'a> UniformIntervals<'a> {
         self.passed
     }
 
-    /// Returns the first edge, the last edge, and the length of the intervals; `None` if there is no interval.
+    /// Returns the time of the first edge, the time of the last edge, and the length of the intervals; `None`
+    /// if there is no interval.
     #[inline]
     pub(crate) fn edges(&self) -> Option<(u64, u64, u32)> {
         let last = self.passed.len().checked_sub(self.frames.stride())?;
@@ -180,13 +182,15 @@ impl<'a> UniformIntervals<'a> {
         self.passed.len() / self.frames.stride()
     }
 
-    /// Returns the frames that a drive of this baud rate receives in each interval: bit 0 frame 1, bit 1 frame 2.
+    /// Returns the frames that a drive with this baud rate receives in each interval: bit 0 for frame 1, bit
+    /// 1 for frame 2.
     #[inline]
     pub(crate) fn heard_at(&self, kbit_s: u16) -> u8 {
         if kbit_s == self.frames.kbit_s { self.frames.channels } else { 0 }
     }
 
-    /// Returns the content of this channel's frame in each interval, first byte lowest; 0 without a frame.
+    /// Returns the data of this channel's frame in each interval, with the first byte as the lowest byte; 0
+    /// if there is no frame.
     #[inline]
     pub(crate) fn bits(
         &self,
@@ -219,8 +223,8 @@ fn bits_of(frame: Option<&BusEvent>) -> u64 {
 }
 
 impl Drive {
-    /// Processes the events since the last update. The card takes samples only at the last of these edges, because
-    /// samples are only sent in the interval that begins with their edge.
+    /// Processes the events since the last update. The card sends samples only in the interval that begins
+    /// with their edge. So it takes samples only at the last of the edges.
     pub(crate) fn catch_up(&mut self, since: &PendingEvents) {
         let before = since.one_by_one.len() + since.alike.passed.len();
         if before > 0 {
@@ -234,13 +238,15 @@ impl Drive {
         }
     }
 
-    /// Processes the events one by one. The samples of the card at these edges are never sent.
+    /// Processes the events one by one. The card takes no samples at these edges, because it would never send
+    /// them.
     #[cold]
     fn take_edges<'a>(&mut self, passed: impl Iterator<Item = &'a BusEvent>) {
         passed.for_each(|it| self.take(it, false));
     }
 
-    /// Processes one event. `is_looked_at`: the samples of the card may be read before the next edge.
+    /// Processes one event. `is_looked_at` is true if the samples of the card may be read before the next
+    /// edge.
     #[inline]
     fn take(&mut self, passed: &BusEvent, is_looked_at: bool) {
         match *passed {

@@ -52,11 +52,11 @@ pub struct DriveConfig {
     /// Time of uninterrupted SYNC until the drive is synchronized, in us (decision D-07).
     #[serde(default = "default_lock_time_us")]
     pub lock_time_us: u64,
-    /// Time without SYNC until the drive is no longer synchronized, in us (manual 5.00005.03a p. 135). Left out: two
-    /// and a half intervals; see [`SyncLock`](crate::devices::cansync::frames::SyncLock).
+    /// Time without SYNC until the drive is no longer synchronized, in us (manual 5.00005.03a p. 135). Left
+    /// out: two and a half intervals; see [`SyncLock`](crate::devices::cansync::frames::SyncLock).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
-    /// Reaction of the drive to a missing SYNC signal or missing reference values.
+    /// Reaction of the drive if the SYNC signal or reference values are missing.
     #[serde(default)]
     pub monitoring: CardMonitoring,
     /// State after power-on.
@@ -66,7 +66,7 @@ pub struct DriveConfig {
     /// the speed takes the value of its reference at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp_per_second: Option<NonZeroU32>,
-    /// Numbers of the built-in parameters that are not in the available manuals.
+    /// Numbers of built-in parameters for which the available manuals give no number.
     #[serde(default)]
     pub numbers: ParameterNumbers,
     /// Further parameters.
@@ -84,7 +84,7 @@ pub struct ParameterNumbers {
     pub speed_reference: u16,
     /// Number of the parameter with the actual value of the speed, in the unit of the speed reference value; read only.
     pub speed_actual: u16,
-    /// Additional reference value: stored without an effect on the drive.
+    /// Additional reference value. The drive stores it, but it has no other effect.
     pub additional_reference: u16,
 }
 
@@ -222,7 +222,8 @@ pub enum ZkError {
     /// A bit pattern outside the table.
     #[error(transparent)]
     Mapping(#[from] MappingError),
-    /// Control word and status word cannot be mapped, because they are transmitted in another way (p. 14).
+    /// Control word or status word. They cannot be mapped, because they are transmitted in another way (p.
+    /// 14).
     #[error("parameter {0} cannot be mapped: 120 is sent by action command, 121 is mapped by ZK 25")]
     ControlOrStatusWord(u16),
     /// The drive has no such parameter.

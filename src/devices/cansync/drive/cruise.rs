@@ -1,8 +1,9 @@
 //! Processes many intervals in one step, for a synchronized drive that receives only reference values of the master.
 //!
-//! The result is the same as if each interval was processed by [`Drive::edge`], which is used for all other drives and
-//! edges. Values that cannot change during these intervals are checked only once. If all intervals are uniform, the
-//! result depends only on their speed reference values, so they are not processed one by one.
+//! The result is the same as if [`Drive::edge`] processed each interval. `Drive::edge` is used for all other
+//! drives and edges. Here, values that cannot change during these intervals are checked only once. If all
+//! intervals are uniform, the result depends only on their speed reference values, so the intervals are not
+//! processed one by one.
 
 use super::catch_up::{BusEvent, PendingEvents, UniformIntervals};
 use super::monitoring::Monitor;
@@ -29,7 +30,7 @@ impl Drive {
         taken
     }
 
-    /// Processes the events one by one, up to an edge that does not fit.
+    /// Processes the events one by one, up to an edge that cannot be part of the run.
     fn take_in_run(
         &mut self,
         passed: &[BusEvent],

@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "how the drive is enabled, as a word")]
 pub enum Enable {
-    /// "Operation enabled", as if the control word were 16#000F: the first reference value moves the
+    /// State "operation enabled", as if the control word were 16#000F. So the first reference value moves the
     /// drive.
     #[default]
     AtPowerOn,
-    /// "Switch-on disabled": the master has to send the control words 16#0006, 16#0007, 16#000F.
+    /// State "switch-on disabled". The master must send the control words 16#0006, 16#0007 and 16#000F.
     ByControlWord,
 }
 
@@ -34,7 +34,7 @@ pub enum DrivecomState {
     OperationEnabled,
     /// Braking to standstill, then "switch-on disabled".
     QuickStopActive,
-    /// Braking to standstill after a fault, then "fault".
+    /// The drive brakes to standstill after a fault. The state "fault" follows.
     FaultReactionActive,
     /// DRIVECOM state "fault": the drive waits for the fault reset.
     Fault,
@@ -92,7 +92,7 @@ impl StateMachine {
         self.state.status_bits() | status::VOLTAGE | warning
     }
 
-    /// Takes over a control word and makes all resulting transitions.
+    /// Takes over a control word and makes all transitions that it causes.
     pub(crate) fn command(&mut self, word: u16) {
         let reset = word & !self.control_word & drive_control::FAULT_RESET != 0;
         self.control_word = word;
@@ -128,7 +128,8 @@ impl StateMachine {
         }
     }
 
-    /// Ends quick stop (transition 12) and fault reaction (14), because the drive is at a standstill.
+    /// Called when the drive is at a standstill: ends quick stop (transition 12) or fault reaction
+    /// (transition 14).
     #[inline]
     pub(crate) fn standstill(&mut self) {
         self.state = match self.state {
@@ -145,7 +146,7 @@ impl StateMachine {
         }
     }
 
-    /// Switches the power stage off at once because of a fault: transitions 13 and 14 together.
+    /// Switches the power stage off at once because of a fault. Transitions 13 and 14 happen together.
     pub(crate) fn inhibit(&mut self) {
         self.state = DrivecomState::Fault;
     }

@@ -1,11 +1,11 @@
-//! Drives (V-Regler): a drive with a CANsync interface card is a slave on the bus; a built-in drive is connected to the
-//! BAPS of its PLC.
+//! Drives (V-Regler). A drive with a CANsync interface card is a slave on the bus. A built-in drive is
+//! connected to the BAPS of its PLC.
 //!
-//! Both devices contain the same `VRegler`, with the parameters of `layouts/v-regler`. The rest of this text describes
-//! the drive with a card.
+//! Both kinds of drives contain a `VRegler`, with the parameters of `layouts/v-regler`. The rest of this text
+//! describes the drive with a card.
 //!
-//! The drive has no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and passes frames; the drive
-//! answers at once. The steps of an interval:
+//! The drive has no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and passes frames
+//! to the drive, which answers at once. An interval has these steps:
 //!
 //! 1. At the SYNC edge the card samples actual values and status word. They are sent when the master requests them in
 //!    this interval.
@@ -14,15 +14,15 @@
 //!    the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
 //! 4. The drive moves for the rest of the interval.
 //!
-//! All steps are calculated at the edge. Therefore a drive that is read between two edges already shows its state at
-//! the end of the interval.
+//! All steps are calculated at the edge. Therefore a drive that is read between two edges already shows its
+//! state at the end of the interval.
 //!
-//! So a reference value of interval k moves the drive in interval k+1 and is visible in the actual value of interval
-//! k+2. Card and drive exchange no data without a SYNC signal, or after lost reference values have stopped the exchange
-//! (ZK 26). Then reference values are lost, the control word waits in the card, and parameter jobs are answered with
-//! BUSY (p. 17 and 22; decision D-615). A drive that is not synchronized yet takes all reference values except position
-//! reference values (5.00005.03a p. 135; decision D-82). Actual values are sampled at every edge, so that a master can
-//! observe the drive.
+//! So a reference value of interval k moves the drive in interval k+1 and is visible in the actual value of
+//! interval k+2. Card and drive exchange no data if there is no SYNC signal, or if lost reference values have
+//! stopped the exchange (ZK 26). In this case reference values are lost, the control word waits in the card,
+//! and parameter jobs are answered with BUSY (p. 17 and 22; decision D-615). A drive that is not synchronized
+//! yet takes all reference values except position reference values (5.00005.03a p. 135; decision D-82).
+//! Actual values are sampled at every edge, so that a master can observe the drive.
 
 pub(crate) mod angle;
 mod built_in;
@@ -69,7 +69,7 @@ use std::sync::Arc;
 /// Time after the SYNC edge at which the drive processes the card's data, in us (manual 5.01010.01 p. 20).
 const ACTS_AFTER_US: u32 = 750;
 
-/// Returns the parts of an interval before and after the drive processes the card's data, in us.
+/// Returns the part of an interval before the drive processes the card's data and the part after it, in us.
 #[inline]
 fn parts_of(interval_us: u32) -> [u32; 2] {
     let before = ACTS_AFTER_US.min(interval_us);
@@ -85,15 +85,15 @@ struct Settings {
     interval_us: u32,
 }
 
-/// A wrong setting of a drive's parameters, with the present value.
+/// A wrong setting of a drive's parameters. The field is the present value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Objection {
-    /// P167 does not belong to the bus's baud rate (manual 5.01010.01 p. 13).
+    /// P167 is not the SYNC slot of the bus's baud rate (manual 5.01010.01 p. 13).
     SyncSlot(u32),
     /// P168 is not 0 (manual 5.01010.01 p. 13).
     SyncOffset(u32),
-    /// The PWM frequency (P103) is not in the manual's table of masks for the angle reference value (P258), which has only
-    /// 4 and 8 kHz (5.00005.03a p. 74).
+    /// The manual's table of masks for the angle reference value (P258) does not contain the PWM frequency
+    /// (P103), but only 4 and 8 kHz (5.00005.03a p. 74).
     Pwm(u32),
 }
 
@@ -131,8 +131,8 @@ snapshot_fields!(Drive {
 });
 
 impl Drive {
-    /// Creates the drive of the plant file, in its state after power-on, with the baud rate `kbit_s` unless the file
-    /// has another one.
+    /// Creates the drive of the plant file, in its state after power-on. Its baud rate is that of the plant
+    /// file, or `kbit_s` if the plant file has none.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the wrong parameter or card parameter.
@@ -206,12 +206,13 @@ impl Drive {
         self.edge(now_us, interval_us, true);
     }
 
-    /// Handles a SYNC edge like [`Drive::sync_edge`]. If `is_looked_at` is false, the samples of the card are not read
-    /// before the next edge, so that sampling is skipped.
+    /// Handles a SYNC edge like [`Drive::sync_edge`]. If `is_looked_at` is false, no samples of the card are
+    /// read before the next edge, so the card takes none.
     #[inline]
     fn edge(&mut self, now_us: u64, interval_us: u32, is_looked_at: bool) {
         let was_synchronized = self.is_synchronized();
-        // The control task cannot synchronize to a signal that does not come once in its SYNC slot (decision D-291).
+        // The control task can only synchronize to a signal that comes once in its SYNC slot (decision
+        // D-291).
         if self.regler.sync_times().0 == interval_us {
             self.sync.edge(now_us, interval_us, interval_us / 4);
         } else {
@@ -224,15 +225,16 @@ impl Drive {
             let status_word = self.status_word();
             self.card.sample(&mut self.regler.store, status_word);
         }
-        // The reference value of an interval without lock is lost in position mode, even if the drive locks at the end
-        // of this interval.
+        // In position mode, the reference value of an interval without lock is lost, even if the drive
+        // becomes locked at the end of this interval.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 
-    /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because its SYNC edge is missing. In
-    /// the first such interval the drive continues as usual (manual 5.00005.03a p. 135). In the following intervals
-    /// without an edge, card and drive exchange no data (5.01010.01 p. 22). The motion continues in all of these
-    /// intervals. The drive leaves out the actual value frames, which p. 135 permits (decision D-124).
+    /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because the SYNC edge is
+    /// missing. In the first interval without an edge the drive continues as usual (manual 5.00005.03a p.
+    /// 135). In later intervals without an edge, card and drive exchange no data (5.01010.01 p. 22). The
+    /// motion continues in all these intervals. The drive does not send its actual value frames in them; p.
+    /// 135 permits this (decision D-124).
     pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
@@ -240,8 +242,8 @@ impl Drive {
         self.go_on(runs_through, now_us, interval_us);
     }
 
-    /// Runs through the interval that begins at `now_us`. `is_synchronized`: the drive is synchronized and was in the
-    /// previous interval.
+    /// Runs through the interval that begins at `now_us`. `is_synchronized`: the drive is synchronized now
+    /// and was synchronized in the previous interval.
     #[inline]
     fn go_on(&mut self, is_synchronized: bool, now_us: u64, interval_us: u32) {
         if self.exchanges {
@@ -264,13 +266,15 @@ impl Drive {
         self.regler.step(after_us);
     }
 
-    /// Updates bit 15 of the status word: the card overwrites it with the SYNC state (manual 5.01010.01 p. 30).
+    /// Updates bit 15 of the status word. The card overwrites this bit with the SYNC state (manual 5.01010.01
+    /// p. 30).
     #[inline]
     fn show_synchronized(&mut self) {
         self.regler.show_synchronized(self.sync.is_locked());
     }
 
-    /// Advances the clock to `now_us` without a SYNC edge. The signal may have been missing for too long.
+    /// Advances the drive's time to `now_us` without a SYNC edge. If the signal has been missing for too
+    /// long, the lock ends.
     pub fn pass(&mut self, now_us: u64) {
         let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
@@ -286,8 +290,8 @@ impl Drive {
         }
     }
 
-    /// Updates the SYNC monitor. The end of a lock by a missing SYNC is an error (p. 135), until the drive is
-    /// synchronized again.
+    /// Updates the SYNC monitor. If a lock ends because SYNC is missing, this is an error until the drive is
+    /// synchronized again (p. 135).
     #[inline]
     fn notice_lock(&mut self, was_synchronized: bool, now_us: u64) {
         match (was_synchronized, self.is_synchronized()) {
@@ -297,7 +301,7 @@ impl Drive {
         }
     }
 
-    /// Returns the time of the next change of the drive without a SYNC edge, other than its motion.
+    /// Returns the time of the drive's next change without a SYNC edge. Motion is not such a change.
     pub fn next_time(&self) -> Option<u64> {
         let reports = self.monitors.iter().filter_map(Monitor::next_time);
         self.sync.lost_at().into_iter().chain(reports).min()
@@ -305,12 +309,12 @@ impl Drive {
 
     /// Returns true if the drive has no work while no SYNC edge comes.
     pub fn is_quiescent(&self) -> bool {
-        // A running exchange ends when the next edge is missing.
+        // A running exchange ends when the next edge does not come, so there is still work.
         self.regler.is_quiescent() && !self.exchanges
     }
 
-    /// Handles the master's reference value frame of `channel`. A frame that carries a mapped value only partly does
-    /// not change the value.
+    /// Handles the master's reference value frame of `channel`. If the frame carries only a part of a mapped
+    /// value, the value does not change.
     #[inline]
     pub fn reference_frame(&mut self, channel: Channel, payload: &Payload) {
         self.card.receive(Source::Master, channel, payload);
@@ -333,8 +337,9 @@ impl Drive {
         self.card.wants_reference(channel)
     }
 
-    /// Returns the drive's actual value frame of `channel` in this interval. `None` if no value is mapped into it, or
-    /// in an interval without a SYNC edge: the drive does not answer. Words without a value are 0.
+    /// Returns the drive's actual value frame of `channel` in this interval. `None` if no value is mapped
+    /// into the frame. Also `None` in an interval without a SYNC edge, because the drive does not answer in
+    /// it. Words without a value are 0.
     #[inline]
     pub fn actual_value_frame(&self, channel: Channel) -> Option<Payload> {
         if self.edge_is_missing { None } else { self.card.frame(channel) }
@@ -376,13 +381,13 @@ impl Drive {
         Some(refusal.frame(self.slave_number))
     }
 
-    /// Answers a parameter job at once. While card and drive exchange no data, the card answers with BUSY, so that the
-    /// master repeats the job (5.01010.01 p. 22, 26-27; decision D-615). Only the status word can be read in this
-    /// state.
+    /// Answers a parameter job at once. While card and drive exchange no data, the card answers with BUSY, so
+    /// that the master repeats the job (5.01010.01 p. 22, 26-27; decision D-615). In this case only the
+    /// status word can be read.
     ///
-    /// The element selection of a read job is ignored, as the manual permits (5.01010.01 p. 26). Only element 7 can be
-    /// written; the error for others is 16#FFFC "not changeable". The drive has no sub-slaves: each sub-slave address
-    /// except 0 gives 16#FFFB "not present".
+    /// The element selection of a read job is ignored, as the manual permits (5.01010.01 p. 26). Only element
+    /// 7 can be written; for other elements the error is 16#FFFC "not changeable". The drive has no
+    /// sub-slaves: each sub-slave address except 0 gives 16#FFFB "not present".
     pub fn parameter_job(&mut self, job: &ParameterJob) -> ParameterResponse {
         job.answer(self.service(job).unwrap_or_else(ParameterResult::Error))
     }
@@ -408,8 +413,9 @@ impl Drive {
         Ok(ParameterResult::Done)
     }
 
-    /// Answers a job while card and drive exchange no data. The card has the last status word of the drive and its own
-    /// bit 15 (5.01010.01 p. 30). All other jobs must wait.
+    /// Answers a job while card and drive exchange no data. The card can answer a read of the status word: it
+    /// has the last status word of the drive, and it sets bit 15 itself (5.01010.01 p. 30). All other jobs
+    /// must wait.
     fn answer_of_the_card(&self, job: &ParameterJob) -> ParameterResult {
         match (job.number(), job.access(), self.card.sampled_status()) {
             (number::STATUS_WORD, Access::Read, Some(word)) => {
@@ -420,8 +426,8 @@ impl Drive {
         }
     }
 
-    /// Returns the wrong settings of the drive's parameters on a bus with this interval, once for each combination of
-    /// values.
+    /// Returns the settings of the drive's parameters that are wrong on a bus with this interval. Each
+    /// combination of values is returned only once.
     pub(crate) fn take_objections(&mut self, interval_us: u32) -> impl Iterator<Item = Objection> + use<> {
         let ((slot_us, offset_us), pwm_khz) = (self.regler.sync_times(), self.regler.pwm_khz());
         let settings = Settings { slot_us, offset_us, pwm_khz, interval_us };
@@ -443,7 +449,7 @@ impl Drive {
         self.regler.status_word()
     }
 
-    /// Returns true if the drive is synchronized to SYNC.
+    /// Returns true if the drive is synchronized to the SYNC signal.
     #[inline]
     pub fn is_synchronized(&self) -> bool {
         self.sync.is_locked()
@@ -466,8 +472,8 @@ impl Drive {
         self.card.is_stopped()
     }
 
-    /// Trips the drive: it brakes and waits for a fault reset (control word, bit 7). Until then parameter 308 has the
-    /// number of the first fault. Returns false if the drive already has a fault.
+    /// Trips the drive: it brakes and waits for a fault reset (control word, bit 7). Until the reset,
+    /// parameter 308 has the number of the first fault. Returns false if the drive already has a fault.
     pub fn trip(&mut self, fault: u16) -> bool {
         self.regler.trip(fault)
     }

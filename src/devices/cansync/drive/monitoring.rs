@@ -1,8 +1,9 @@
 //! Communication monitoring of a drive: its reaction to a missing SYNC signal, missing reference values or a missing
 //! PLC.
 //!
-//! According to the manuals the drive then reports an error, with an adjustable reaction (5.00005.03a p. 135;
-//! 5.01010.01 p. 17, 22). They name no time, no default reaction and no number. Decision D-293 defines these.
+//! According to the manuals, the drive then reports an error, with an adjustable reaction (5.00005.03a p.
+//! 135; 5.01010.01 p. 17, 22). The manuals name no time, no default reaction and no error number. Decision
+//! D-293 defines these.
 
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
@@ -15,12 +16,13 @@ pub(super) mod fault {
     pub(crate) const CYCLIC_DATA: u16 = 503;
 }
 
-/// Reaction of a drive in addition to reporting the error (5.00005.03a p. 135: quick stop, inhibit, ...).
+/// Reaction of a drive to an error, in addition to the error report (5.00005.03a p. 135: quick stop, inhibit,
+/// ...).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "a reaction of the drive, as a word")]
 pub enum Reaction {
-    /// The drive does not react: a warning, which ends with its cause.
+    /// The drive continues. The error is a warning, which ends when its cause ends.
     #[default]
     None,
     /// Brakes to standstill, then "fault".
@@ -34,9 +36,9 @@ pub enum Reaction {
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the settings of a monitor")]
 pub struct MonitorSettings {
-    /// Time from the loss to the error report, in us, at most one hour. For SYNC, the time starts at the loss of the
-    /// lock. For reference values, it starts when ZK 26 stops the exchange. For cyclic data, it starts at the last
-    /// exchange.
+    /// Time from the loss to the error report, in us, at most one hour. For SYNC, the time starts when the
+    /// lock ends. For reference values, it starts when ZK 26 stops the exchange. For cyclic data, it starts
+    /// at the last exchange.
     pub time_us: u64,
     /// Reaction of the drive.
     pub reaction: Reaction,
@@ -63,7 +65,7 @@ pub struct CardMonitoring {
 pub struct BapsMonitoring {
     /// The signal of the trigger controller.
     pub sync: MonitorSettings,
-    /// Monitoring of the PLC's process data. If it is omitted, they are not monitored.
+    /// Monitoring of the PLC's process data. If it is omitted, the drive does not monitor the process data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cyclic_data: Option<MonitorSettings>,
 }
@@ -81,7 +83,7 @@ pub(super) struct Monitor {
 snapshot_fields!(Monitor { values: since, reported; built: watch, fault });
 
 impl Monitor {
-    /// Creates a monitor that reports `fault` unless `watch` has another number.
+    /// Creates a monitor. It reports `fault` unless `watch` has another number.
     pub(crate) fn new(watch: &MonitorSettings, fault: u16) -> Self {
         let fault = watch.fault.map_or(fault, NonZeroU16::get);
         Monitor { watch: *watch, fault, since: None, reported: false }
@@ -116,7 +118,7 @@ impl Monitor {
         self.since.map(|since| since.saturating_add(self.watch.time_us))
     }
 
-    /// Returns number and reaction of the error, if the signal has been missing for too long at `now`.
+    /// Returns number and reaction of the error if the signal has been missing for too long at `now`.
     #[inline]
     pub(crate) fn error(&mut self, now: u64) -> Option<(u16, Reaction)> {
         let is_due = self.due()? <= now;

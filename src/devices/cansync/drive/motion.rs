@@ -1,5 +1,5 @@
-//! Motion of the drive: the speed follows its target, at once or along a ramp, and the angle follows the speed. If an
-//! external model drives the motor, the model gives the speed.
+//! Motion of the drive. The speed reaches its target at once or along a ramp, and the angle follows the
+//! speed. If an external model drives the motor, the model defines the speed.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// revolution, so the angle wraps around once per revolution (decision D-162).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Motion {
-    /// The speed that the drive demands. Without an external model it is the motor's speed.
+    /// The speed that the drive demands. Without an external model, the motor has this speed.
     speed: i32,
     angle: u32,
     /// Remainder of the ramp, in millionths of an increment of speed.
@@ -60,9 +60,10 @@ impl Motion {
         speed
     }
 
-    /// Advances through one interval for each of the `targets`, of which at least one exists. An interval has two
-    /// parts, whose lengths in us are `parts`. The target of the previous interval, at first `before`, is still valid
-    /// in the first part. Returns true if the motor is at a standstill in any part.
+    /// Advances through one interval for each of the `targets`. There must be at least one target. An
+    /// interval has two parts with the lengths `parts` in us. In the first part, the target of the previous
+    /// interval is still valid; before the first interval, this is `before`. Returns true if the motor is at
+    /// a standstill in any part.
     #[inline]
     pub(crate) fn steps(
         &mut self,
@@ -85,8 +86,9 @@ impl Motion {
         has_stopped
     }
 
-    /// Does the same as [`Motion::steps`] without a ramp, if the result does not depend on the order of the targets.
-    /// This is so if the remainder has the direction of the motor's last motion.
+    /// Calculates the result of [`Motion::steps`] without a ramp in one step. This is possible if the result
+    /// does not depend on the order of the targets: the remainder must have the direction of the motor's last
+    /// motion.
     #[inline]
     fn steps_at_once(
         &mut self,
@@ -115,8 +117,9 @@ impl Motion {
         if (lowest < 0 || self.angle_carry < 0) && (highest > 0 || self.angle_carry > 0) {
             return None;
         }
-        // Each target is valid for a whole interval. But the first interval begins with `before`, and the first part of
-        // the last target belongs to the following interval.
+        // Each target is valid for the time of a whole interval, with two exceptions: `before` is valid for
+        // the first part of the first interval, and the last target is valid only for the second part of its
+        // interval.
         let interval_us = i64::from(old_us) + i64::from(new_us);
         let shift = i64::from(first) - i64::from(self.turned.unwrap_or(last));
         let way = sum.checked_mul(interval_us)?.checked_add(shift.checked_mul(old_us.into())?)?;
@@ -137,7 +140,8 @@ impl Motion {
             return;
         }
         self.speed_carry = way % 1_000_000;
-        // The step is smaller than the distance to the target, so it fits 32 bits and cannot overshoot.
+        // The step is smaller than the distance to the target. So it fits in 32 bits, and the speed cannot
+        // exceed the target.
         let step = step as u32;
         self.speed = if target > self.speed {
             self.speed.wrapping_add_unsigned(step)
@@ -170,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_slow_ramp_moves_after_several_intervals() {
-        // 100 increments per second are 0.2 per interval of 2 ms.
+        // 100 increments per second are 0.2 increments per interval of 2 ms.
         let mut motion = Motion::default();
         let speeds: Vec<i32> = (0..10).map(|_| motion.step(50, 2000, 100)).collect();
         assert_eq!(speeds, [0, 0, 0, 0, 1, 1, 1, 1, 1, 2]);

@@ -47,7 +47,7 @@ pub struct ParameterSpec {
     /// Value of the parameter after power-on.
     #[serde(default)]
     pub initial: u32,
-    /// Lowest value that can be written from outside; a negative one makes the parameter signed.
+    /// Lowest value that can be written from outside. If it is negative, the parameter is signed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<i64>,
     /// Highest value that can be written from outside.
@@ -56,8 +56,8 @@ pub struct ParameterSpec {
     /// True if only the drive writes the parameter.
     #[serde(default)]
     pub read_only: bool,
-    /// Duration of the recalculation after an external write, in us. The parameter is not available to parameter jobs
-    /// during this time.
+    /// Duration of the recalculation after a write from outside, in us. During this time, parameter jobs
+    /// cannot access the parameter.
     #[serde(default)]
     pub settle_us: u32,
 }
@@ -73,8 +73,8 @@ impl ParameterSpec {
         ParameterSpec { read_only: true, ..self }
     }
 
-    /// Returns true if this entry only sets the value after power-on of the drive's own parameter `own`, and `own` is
-    /// writable.
+    /// Returns true if this entry only sets the value of the drive's own parameter `own` after power-on, and
+    /// `own` is writable.
     pub(super) fn is_value_of(&self, own: &ParameterSpec) -> bool {
         !own.read_only
             && *self == ParameterSpec { initial: self.initial, ..ParameterSpec::new(own.number, own.format) }
@@ -115,7 +115,7 @@ impl ParameterSpec {
         self.min.is_some_and(|min| min < 0)
     }
 
-    /// Checks a value. The error is the error number (16#FFFE or 16#FFFD).
+    /// Checks a value. The error is the error number of the manual: 16#FFFE or 16#FFFD.
     fn check(&self, value: u32) -> Result<(), u16> {
         let value = self.number_of(value);
         if self.min.is_some_and(|min| value < min) {
@@ -137,7 +137,7 @@ pub enum ParameterError {
     /// Another parameter already has the number.
     #[error("the number is used twice")]
     Twice,
-    /// One of the drive's own parameters is defined again.
+    /// An entry of the plant file defines one of the drive's own parameters again.
     #[error(
         "the drive has this parameter itself (layouts/v-regler); an entry may only set `initial` with the same format, and only for a writable parameter except the control word"
     )]
@@ -150,7 +150,7 @@ pub enum ParameterError {
     Limits(u32),
 }
 
-/// Index of a parameter in the store of a drive, valid only for that drive.
+/// Index of a parameter in the store of a drive. The index is valid only for that drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct ParameterSlot(u16);
 
@@ -169,7 +169,7 @@ impl ParameterSlot {
 /// The parameters of one drive, in the order of their numbers.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterStore {
-    /// Definitions of the parameters. Drives with the same definitions share them.
+    /// Definitions of the parameters. Drives with equal definitions share them.
     specs: Arc<[ParameterSpec]>,
     values: Box<[u32]>,
     changed: bool,
@@ -216,14 +216,14 @@ impl ParameterStore {
         Ok(ParameterStore { specs: specs.into(), values, changed: true, watched, written: false, settling })
     }
 
-    /// Shares equal definitions with the store of another drive.
+    /// If the store of another drive has equal definitions, shares its definitions.
     pub(crate) fn share(&mut self, other: &ParameterStore) {
         if self.specs == other.specs {
             self.specs = Arc::clone(&other.specs);
         }
     }
 
-    /// Switches on write detection for one parameter. Writes of the same value count too.
+    /// Switches on write detection for one parameter. A write that does not change the value counts, too.
     pub(crate) fn watch(&mut self, slot: ParameterSlot) {
         self.watched = Some(slot);
     }
@@ -250,13 +250,13 @@ impl ParameterStore {
         !self.settling.is_empty()
     }
 
-    /// Returns true if the parameter is available: not in recalculation.
+    /// Returns true if the parameter is available, that is, not in recalculation.
     #[inline]
     pub(crate) fn is_available(&self, slot: ParameterSlot) -> bool {
         self.settling.iter().all(|(settling, _)| *settling != slot)
     }
 
-    /// Lowest and highest value of a parameter, in its format.
+    /// Returns the lowest and the highest value of a parameter, in its format.
     pub(crate) fn limits(&self, slot: ParameterSlot) -> (u32, u32) {
         self.specs[slot.index()].limits()
     }
@@ -292,7 +292,8 @@ impl ParameterStore {
         self.values[slot.index()]
     }
 
-    /// Sets a parameter from inside the drive, without limits. External values use [`ParameterStore::write`].
+    /// Sets a parameter from inside the drive, without a check of limits. [`ParameterStore::write`] is for
+    /// values from outside.
     #[inline]
     pub(crate) fn set(&mut self, slot: ParameterSlot, value: u32) {
         let place = &mut self.values[slot.index()];
@@ -307,13 +308,13 @@ impl ParameterStore {
         std::mem::take(&mut self.changed)
     }
 
-    /// Returns true if [`ParameterStore::write`] takes every value of the parameter's format at any time.
+    /// Returns true if [`ParameterStore::write`] accepts every value of the parameter's format at any time.
     pub(crate) fn takes_every_value(&self, slot: ParameterSlot) -> bool {
         let spec = &self.specs[slot.index()];
         !spec.read_only && spec.settle_us == 0 && spec.limits() == spec.format_limits()
     }
 
-    /// Writes a parameter with an external value of any origin. The error is an error number of the manual (5.00005.03a
+    /// Writes a parameter with a value from outside. The error is an error number of the manual (5.00005.03a
     /// p. 166).
     pub(crate) fn write(&mut self, slot: ParameterSlot, format: ParamFormat, value: u32) -> Result<(), u16> {
         let spec = &self.specs[slot.index()];

@@ -1,4 +1,5 @@
-//! The drive itself (V-Regler), for every kind of connection: parameters, state machine, speed and position loop.
+//! The drive itself (V-Regler): parameters, state machine, speed and position loop. It is the same for every
+//! kind of connection.
 
 mod run;
 
@@ -37,7 +38,7 @@ pub(super) struct Setup<'a> {
     pub sync_slot_us: Option<u16>,
 }
 
-/// Slots of the parameters that the control loops use.
+/// Slots of the parameters that the control loops and the state machine use.
 #[derive(Clone, Copy, Debug)]
 struct Slots {
     speed_reference: ParameterSlot,
@@ -101,7 +102,8 @@ impl VRegler {
             }
         }
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
-        // This check comes first, so that later code has at most 4096 numbers, however large the file is.
+        // This check comes first. From here on there are at most 4096 different numbers, even if the file is
+        // very large.
         if let Some(none) = setup.parameters.iter().find(|spec| spec.number > MAX_NUMBER) {
             return Err(fault((none.number, ParameterError::Number)));
         }
@@ -149,7 +151,7 @@ impl VRegler {
         })
     }
 
-    /// Runs the control task once, `us` after the previous run.
+    /// Runs the control task once. The previous run was `us` earlier.
     #[inline]
     pub(super) fn step(&mut self, us: u32) {
         let enabled = self.machine.state() == DrivecomState::OperationEnabled;
@@ -195,7 +197,8 @@ impl VRegler {
         angle::follow(self.set_point.now(), self.motion.angle(), self.store.get(slots.gain), us)
     }
 
-    /// Returns true if no value changes without a command: no motion, and no parameter in recalculation.
+    /// Returns true if no value will change without a command: the motor does not move, and no parameter is
+    /// in recalculation.
     pub(crate) fn is_quiescent(&self) -> bool {
         let driven = self.machine.state() == DrivecomState::OperationEnabled
             && (self.is_following_angle() || self.store.get(self.slots.speed_reference) != 0);
@@ -228,9 +231,8 @@ impl VRegler {
 
     /// Reads an element of a parameter.
     ///
-    /// # Errors
-    /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB no such parameter or element, 16#FFFA in
-    /// recalculation.
+    /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB if the parameter or element does
+    /// not exist, 16#FFFA if the parameter is in recalculation.
     pub(crate) fn read_element(&self, number: u16, element: u8) -> Result<ReadValue, u16> {
         let slot = self.store.slot(number).ok_or(par_error::NOT_PRESENT)?;
         let value = match element {
@@ -275,11 +277,11 @@ impl VRegler {
         Ok(())
     }
 
-    /// Takes over a cyclic reference value of the card. A value that a parameter job could not write is refused: the
-    /// parameter keeps its value (decision D-616).
+    /// Takes over a cyclic reference value of the card. The drive refuses a value that a parameter job could
+    /// not write; the parameter then keeps its value (decision D-616).
     #[inline]
     pub(super) fn take_reference(&mut self, target: ParameterSlot, format: ParamFormat, value: u32) {
-        // A frame has no answer that could report the refusal to the master.
+        // No answer to a frame exists in which the master could see the refusal.
         let _ = self.write(target, format, value);
     }
 
@@ -298,7 +300,7 @@ impl VRegler {
         self.store.slot(number).map(|slot| self.store.format(slot))
     }
 
-    /// Returns a value: control and status word from the state machine, all others from the store.
+    /// Returns a value. Control and status word come from the state machine, all other values from the store.
     fn value(&self, number: u16, slot: ParameterSlot) -> u32 {
         match number {
             number::CONTROL_WORD => u32::from(self.machine.control_word()),
@@ -314,7 +316,8 @@ impl VRegler {
 
     /// Takes over the control word of process data.
     pub(crate) fn command(&mut self, word: u16) {
-        // The write cannot fail: the control word has no limits, and the plant file cannot define any.
+        // The control word has no limits, and the plant file cannot define limits for it, so the write cannot
+        // fail.
         let _ = self.write(self.slots.control_word, ParamFormat::Word, word.into());
     }
 
@@ -327,7 +330,8 @@ impl VRegler {
         }
     }
 
-    /// Returns the status word (parameter 121). Bit 15 is set if the drive is synchronized to its SYNC signal.
+    /// Returns the status word (parameter 121). Bit 15 is set if the drive is synchronized to the SYNC
+    /// signal.
     #[inline]
     pub(crate) fn status_word(&self) -> u16 {
         let synchronized = if self.synchronized { drive_status::SYNCHRONIZED } else { 0 };
@@ -346,8 +350,8 @@ impl VRegler {
         self.machine.state()
     }
 
-    /// Trips the drive, unless it has a fault: it brakes and waits for a fault reset. Returns true if the drive
-    /// tripped.
+    /// Trips the drive unless it already has a fault. The drive then brakes and waits for a fault reset.
+    /// Returns true if the drive has tripped.
     pub(crate) fn trip(&mut self, number: u16) -> bool {
         let trips = !self.is_faulty();
         if trips {
@@ -379,7 +383,7 @@ impl VRegler {
                 }
                 Reaction::Inhibit => {
                     self.trip(fault);
-                    // The function also ends a braking that another fault has started.
+                    // If another fault has started a braking, `inhibit` ends this braking, too.
                     self.machine.inhibit();
                 }
             }
@@ -414,8 +418,8 @@ impl VRegler {
         let slot = self.store.slot(number)?;
         let named = match renamed.iter().find(|(own, _)| *own == slot) {
             Some((_, named)) => *named,
-            // The plant file has given the built-in parameter another number. The old number belongs only to the
-            // parameter that the plant file defines with it.
+            // The plant file has given the built-in parameter another number. So the old number can only
+            // belong to a parameter that the plant file defines.
             None if renamed.iter().any(|(_, named)| *named == number) => return None,
             None => number,
         };
@@ -427,7 +431,7 @@ impl VRegler {
         self.machine.set_warning(on);
     }
 
-    /// SYNC slot (P167) and offset (P168) in us.
+    /// Returns the SYNC slot (P167) and the SYNC offset (P168) in us.
     pub(crate) fn sync_times(&self) -> (u32, u32) {
         (self.store.get(self.slots.sync_slot), self.store.get(self.slots.sync_offset))
     }
@@ -437,7 +441,7 @@ impl VRegler {
         self.store.get(self.slots.pwm)
     }
 
-    /// Version of the drive software (0309 as 309).
+    /// Returns the version of the drive software (0309 as 309).
     pub(crate) fn software(&self) -> u32 {
         self.parameter(number::SOFTWARE).unwrap_or(0)
     }

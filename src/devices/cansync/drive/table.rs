@@ -11,7 +11,7 @@ pub struct ParameterRow {
     pub name: &'static str,
     /// Width of the parameter: word or doubleword.
     pub format: ParamFormat,
-    /// Lowest value; a negative one makes the parameter signed.
+    /// Lowest value. If it is negative, the parameter is signed.
     pub min: i64,
     /// Largest permitted value of the parameter.
     pub max: i64,

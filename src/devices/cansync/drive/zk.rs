@@ -4,7 +4,7 @@ use super::parameters::ParamFormat;
 use crate::devices::cansync::frames::Channel;
 use serde::{Deserialize, Serialize};
 
-/// The card's parameters. A missing parameter is 0: no mapping.
+/// The card's parameters. The value of a missing parameter is 0: no mapping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the numbers of parameters")]
@@ -110,7 +110,7 @@ const fn bits(word: u8, channel: Channel, format: ParamFormat) -> u16 {
 }
 
 impl ReferenceMapping {
-    /// Reads ZK 4 or 5. Returns `None` if bit 0 is clear: no reference value.
+    /// Reads ZK 4 or 5. Returns `None` if bit 0 is clear: the card has no reference value then.
     ///
     /// # Errors
     /// [`MappingError`] if bit 0 is set but the mapping is wrong.
@@ -123,7 +123,7 @@ impl ReferenceMapping {
         }
         let channel = channel(zk >> 3 & 7)?;
         let (word, format) = place(zk)?;
-        // Bits 12-8 have a meaning only with bit 7.
+        // Bits 12-8 have a meaning only if bit 7 is set.
         let source =
             if zk & FROM_SLAVE != 0 { Source::Slave((zk >> 8 & 0x1F) as u8) } else { Source::Master };
         Ok(Some(ReferenceMapping { word, channel, format, source }))
@@ -140,7 +140,7 @@ impl ReferenceMapping {
 }
 
 impl ActualMapping {
-    /// Reads ZK 20 or 21. Returns `None` if bit 0 is clear: no actual value.
+    /// Reads ZK 20 or 21. Returns `None` if bit 0 is clear: the card has no actual value then.
     ///
     /// # Errors
     /// [`MappingError`] if bit 0 is set but the mapping is wrong.
@@ -156,10 +156,10 @@ impl ActualMapping {
         Ok(Some(ActualMapping { word, channel, format }))
     }
 
-    /// Reads ZK 25. Bit 6 must be 0, because the status word is a word.
+    /// Reads ZK 25. Bit 6 must be 0, because the status word is no doubleword.
     ///
     /// # Errors
-    /// [`MappingError`] as [`ActualMapping::from_zk`], also with bit 6 set.
+    /// [`MappingError`] as [`ActualMapping::from_zk`], and also if bit 6 is set.
     pub fn from_zk_25(zk: u16) -> Result<Option<Self>, MappingError> {
         if zk & VALID != 0 && zk & DOUBLEWORD != 0 {
             return Err(MappingError::ReservedBits(DOUBLEWORD));
@@ -190,7 +190,7 @@ mod tests {
         };
         for (zk, expected) in [
             (0x0000, Ok(None)),             // bit 0: not valid
-            (0xFFFE, Ok(None)),             // then nothing else matters
+            (0xFFFE, Ok(None)),             // without bit 0, no other bit matters
             (0x0001, master(0, One, Word)), // bits 2-1: start word
             (0x0003, master(1, One, Word)),
             (0x0005, master(2, One, Word)),
@@ -208,7 +208,7 @@ mod tests {
             (0x0181, slave(1)),
             (0x1E81, slave(30)),
             (0x1F81, slave(31)),
-            (0x1F01, master(0, One, Word)), // without bit 7 they say nothing
+            (0x1F01, master(0, One, Word)), // bits 12-8 have no meaning without bit 7
             (0x2001, Err(MappingError::ReservedBits(0x2000))), // bits 13-15: reserved
             (0x4001, Err(MappingError::ReservedBits(0x4000))),
             (0x8001, Err(MappingError::ReservedBits(0x8000))),

@@ -1,7 +1,7 @@
 //! Actual value frames as master and slave node receive them (manual 5.00005.03a p. 155-159, 182-187).
 //!
-//! The cyclic structures of master and slave have the registers under the same names. The trait gives access to these
-//! registers.
+//! The cyclic structures of master and slave contain these registers under equal names. The trait gives
+//! access to them in both structures.
 
 use super::word_config::WordConfigs;
 use crate::devices::cansync::frames::codec::process::FrameConfig;
@@ -21,15 +21,15 @@ pub(super) trait ActualValueRegisters {
     /// Register `a_RD_BMARRAY[slave][number]`.
     fn value(&self, slave: usize, number: u8) -> Option<&Cell32>;
 
-    /// Takes over a frame of `slave`: first the words, as configured at this moment, then the acknowledgement of the
-    /// slave, then the acknowledgement of the channel.
+    /// Takes over a frame of `slave`. Writes the words, as configured at this moment, then the
+    /// acknowledgement of the slave, then the acknowledgement of the channel.
     #[inline]
     fn receive(&self, channel: Channel, slave: u8, frame: &Frame) {
         let index = usize::from(slave);
         let (Some(config), Some(acknowledgement)) =
             (self.config(index, channel), self.acknowledgement(index, channel))
         else {
-            return; // The identifier's number is above 31: no register belongs to it.
+            return; // The slave number in the identifier is above 31. No register belongs to it.
         };
         FrameConfig::new(config).scatter(frame.payload(), |number, high_word, word| {
             if let Some(cell) = self.value(index, number) {
@@ -41,7 +41,7 @@ pub(super) trait ActualValueRegisters {
     }
 }
 
-/// Stores a received word in one half of a value and keeps the other half.
+/// Stores a received word in one half of a value. The other half does not change.
 #[inline]
 pub(super) fn store_word(cell: &Cell32, high_word: bool, word: u16) {
     let old = cell.load();

@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Counter(Option<u8>);
 
 impl Counter {
-    /// Starts a new interval. The counter is 0 in the first interval of active operation. It grows by 1 per interval up
-    /// to `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then restarts at 0.
+    /// Starts a new interval. The counter is 0 in the first interval of active operation. It increases by 1
+    /// per interval up to `max` and then restarts at 0. `max` is `b_MAX_SL_NR`; a value above 31 counts as 31
+    /// (decision D-25).
     #[inline]
     pub(crate) fn next_interval(&mut self, max: u8) {
         self.0 = Some(match self.0 {

@@ -1,5 +1,5 @@
 //! Bytes of an up-/download in `a_DATA_UPDOWNBLK1`: byte n is byte n mod 4 of doubleword n / 4, low byte
-//! first (decision D-01). The doublewords are accessed whole.
+//! first (decision D-01). The firmware reads and writes whole doublewords.
 
 use crate::devices::cansync::frames::codec::updown::BLOCK;
 use crate::memory::Cell32;
@@ -9,7 +9,8 @@ const DOUBLEWORDS: usize = 75;
 /// Number of bytes of the data area (manual 5.00005.03a p. 167).
 pub(super) const MAX_LENGTH: u16 = 4 * DOUBLEWORDS as u16;
 
-/// Returns the bytes of a frame from `offset` on. Bytes after the first `length` read as 0 (decision D-44).
+/// Returns the bytes of a frame, beginning at `offset` in the area. Bytes beyond the first `length` bytes of
+/// the area are 0 (decision D-44).
 pub(super) fn read(area: &[Cell32; DOUBLEWORDS], offset: u16, length: u16) -> [u8; BLOCK] {
     let mut data = [0; BLOCK];
     for (position, byte) in (offset..length.min(MAX_LENGTH)).zip(&mut data) {
@@ -19,8 +20,8 @@ pub(super) fn read(area: &[Cell32; DOUBLEWORDS], offset: u16, length: u16) -> [u
     data
 }
 
-/// Stores the bytes of a frame from `offset` on that belong to the first `length` bytes. All other bytes of the area
-/// keep their value.
+/// Stores the bytes of a frame, beginning at `offset` in the area. Only bytes within the first `length` bytes
+/// of the area are stored; all other bytes of the area keep their values.
 pub(super) fn write(area: &[Cell32; DOUBLEWORDS], offset: u16, length: u16, data: [u8; BLOCK]) {
     for (position, byte) in (offset..length.min(MAX_LENGTH)).zip(data) {
         if let (Some(cell), shift) = cell_at(area, position) {

@@ -52,7 +52,7 @@ pub(super) fn broadcast(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) -> O
     })
 }
 
-/// Returns the control word for `slave` if the PLC has released it, as an action command for that slave alone.
+/// If the PLC has released the control word for `slave`, returns it as an action command for this slave only.
 #[inline]
 pub(super) fn control_word(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<Frame> {
     let index = usize::from(slave);
@@ -61,7 +61,8 @@ pub(super) fn control_word(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, s
     take(ctx, control, offset, || ActionCommand::control_word(1 << slave, word.load()))
 }
 
-/// Takes over a released command: 16#05 becomes 16#04 when its frame is passed to the controller (decision D-40).
+/// Takes over a released command. When its frame is passed to the controller, 16#05 becomes 16#04 (decision
+/// D-40).
 #[inline]
 fn take(
     ctx: &mut Context,
@@ -73,6 +74,6 @@ fn take(
         return None;
     }
     let frame = command().frame();
-    // If the PLC has withdrawn its release in the meantime, the master sends no frame.
+    // If the PLC has withdrawn its release since the firmware read it, the master sends no frame.
     acknowledge(ctx, control, offset).then_some(frame)
 }

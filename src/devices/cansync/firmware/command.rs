@@ -1,9 +1,9 @@
-//! The master's command channel in active operation: selects the job for the one frame of an interval, and assigns the
-//! response to its job (manual 5.00005.03a p. 160-162).
+//! The master's command channel in active operation. It selects the job for the one frame of an interval, and
+//! assigns the response to its job (manual 5.00005.03a p. 160-162).
 //!
-//! In every interval the areas are checked in the same order, independent of earlier intervals: broadcast commands 0,
-//! 1, 2, control word, parameter, up-/download. The first area with a job gets the frame. According to the manual, a
-//! higher area with a job in every interval blocks the lower ones without limit.
+//! In every interval the areas are checked in one fixed order, independent of earlier intervals: broadcast
+//! commands 0, 1, 2, control word, parameter, up-/download. The first area with a job gets the frame.
+//! According to the manual, an area with a job in every interval blocks all later areas without limit.
 
 use super::auto::Counter;
 use super::updown_job::BlockJob;
@@ -30,13 +30,13 @@ pub(super) struct CommandChannel {
     parameter: Counter,
     updown: Counter,
     block: BlockJob,
-    /// Slave and job of the last frame, until its answer or t_RSPTO.
+    /// Slave and job of the last frame. They are kept until the answer, or until the end of t_RSPTO.
     asked: Option<(u8, PendingJob)>,
 }
 
 impl CommandChannel {
-    /// Returns to the state before active operation. Jobs in the registers stay there and start again with the next
-    /// active operation (decision D-46).
+    /// Returns to the state before active operation. Jobs in the registers are not deleted: they start again
+    /// when active operation begins again (decision D-46).
     pub(super) fn restart(&mut self) {
         *self = CommandChannel::default();
     }
@@ -89,8 +89,8 @@ impl CommandChannel {
         true
     }
 
-    /// Handles the end of t_RSPTO without an answer. The job stays as it is and is repeated when the slave is polled
-    /// again (decision D-11).
+    /// Handles the end of t_RSPTO without an answer. The job does not change. The master repeats it when it
+    /// polls the slave again (decision D-11).
     pub(super) fn no_response(&mut self) {
         self.asked = None;
     }

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 /// Recessive bits required for recovery from BUS-off: 128 times 11 (ISO 11898-1).
 const RECOVERY_BITS: u64 = 128 * 11;
 
-/// Reasons why the node receives and sends no frame, as bits.
+/// Reasons why the node neither receives nor sends frames, as bits.
 mod cut {
     /// The controller is BUS-off.
     pub(crate) const BUS_OFF: u8 = 1 << 0;
-    /// The arriving frame is lost to an overrun.
+    /// An overrun loses the arriving frame.
     pub(crate) const FRAME: u8 = 1 << 1;
 }
 
@@ -19,7 +19,7 @@ pub(super) struct Controller {
     /// Bits of [`cut`].
     cut: u8,
     overrun: bool,
-    /// Time in microseconds at which the recovery from BUS-off ends, after a reset has started it.
+    /// Time in microseconds at which the recovery from BUS-off ends. A reset starts the recovery.
     back_at: Option<u64>,
 }
 
@@ -66,7 +66,7 @@ impl Controller {
         }
     }
 
-    /// Loses the arriving frame. Returns true if the controller could have received it.
+    /// Makes the controller lose the arriving frame. Returns true if the controller could have received it.
     pub(super) fn overrun(&mut self) -> bool {
         let connected = self.is_connected();
         if connected {
@@ -76,7 +76,7 @@ impl Controller {
         connected
     }
 
-    /// Ends the overrun: the lost frame has passed.
+    /// Ends the overrun, because the lost frame has ended.
     pub(super) fn frame_is_past(&mut self) {
         self.set(cut::FRAME, false);
     }

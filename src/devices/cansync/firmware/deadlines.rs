@@ -1,5 +1,5 @@
-//! Detects missed deadlines of frames. A deadline is missed if the program has released the frame in time in the
-//! previous interval, but not in this one. A program that releases no values misses no deadline.
+//! Detects missed deadlines of frames. A program misses a deadline if it released the frame in time in the
+//! previous interval, but not in the present one. A program that releases no values misses no deadline.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ enum Usage {
     Unused,
     /// The frame of the last interval was released in time.
     Served,
-    /// The frame of the last interval was not released in time, an earlier one was.
+    /// The program has released an earlier frame in time, but not the frame of the last interval.
     Omitted,
 }
 

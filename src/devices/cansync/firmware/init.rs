@@ -20,9 +20,9 @@ pub enum SyncSource {
 pub struct InitData {
     /// Baud rate with its interval and slot times.
     pub timing: &'static BaudRate,
-    /// Source of SYNC; without meaning on a slave.
+    /// Source of the SYNC signal. It has no meaning on a slave.
     pub sync: SyncSource,
-    /// Bit n set: slave n is expected (`a_SL_TYP[n]` other than 16#00); 0 on a slave.
+    /// Expected slaves: bit n is set if `a_SL_TYP[n]` is not 16#00. The value is 0 on a slave.
     pub expected: u32,
     /// Acceptance code of the CAN controller, register `b_AC`.
     acceptance_code: u8,
@@ -37,7 +37,7 @@ pub enum InitFault {
     /// `b_MA_SL_MODE` does not fit the node.
     #[error("b_MA_SL_MODE must be 16#00 or 16#02 on a master and 16#01 on a slave")]
     Mode = 1,
-    /// `b_BT_0`, `b_BT_1` are not one of the documented pairs.
+    /// `b_BT_0` and `b_BT_1` are not one of the documented pairs.
     #[error(
         "b_BT_0, b_BT_1 must be a pair of the device's table of baud rates, for example those of CANsync_INIT"
     )]
@@ -47,7 +47,8 @@ pub enum InitFault {
     TimePattern = 3,
 }
 
-/// [`InitData`] in a snapshot: the row of its rate in the device's table, and the other fields.
+/// [`InitData`] in a snapshot. It contains the row of the baud rate in the device's table, and the other
+/// fields.
 pub(super) type InitSnapshot = (usize, SyncSource, u32, [u8; 2]);
 
 impl InitData {
@@ -74,7 +75,7 @@ impl InitFault {
 }
 
 impl InitData {
-    /// Reads and checks the data of a master node.
+    /// Reads and checks the initialization data of a master node.
     pub(super) fn of_master(
         regs: &CANsync_INIT_BMSTRUCT,
         rates: &'static [BaudRate],
@@ -86,13 +87,13 @@ impl InitData {
         };
         let mut expected = 0;
         for (n, slave_type) in regs.a_SL_TYP.iter().enumerate() {
-            // Types above 16#01 are reserved; they count as present (decision D-24).
+            // Types above 16#01 are reserved. Slaves with such a type count as expected (decision D-24).
             expected |= u32::from(slave_type.load() != 0) << n;
         }
         Self::common(regs, rates, sync, expected)
     }
 
-    /// Reads and checks the data of a slave node, which has no slave types.
+    /// Reads and checks the initialization data of a slave node. They contain no slave types.
     pub(super) fn of_slave(
         regs: &CANsync_INIT_BMSTRUCT,
         rates: &'static [BaudRate],
@@ -126,8 +127,9 @@ impl InitData {
         })
     }
 
-    /// Returns true if the controller's acceptance filter accepts an identifier. The filter compares the identifier's
-    /// upper eight bits with `b_AC` where `b_AM` has a 0, like an SJA1000 in BasicCAN mode (decision D-21).
+    /// Returns true if the controller's acceptance filter accepts an identifier. The filter compares the
+    /// upper eight bits of the identifier with `b_AC`, but only the bits that are 0 in `b_AM`, like an
+    /// SJA1000 in BasicCAN mode (decision D-21).
     #[inline]
     pub fn accepts(&self, identifier: u16) -> bool {
         let upper = (identifier >> 3) as u8;

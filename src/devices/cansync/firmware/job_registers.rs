@@ -1,12 +1,12 @@
-//! Control and status register of a job, at the master and at the slave. The PLC writes both. The firmware shows the
-//! progress of the job in both (manual 5.00005.03a p. 165, 167, 189, 191).
+//! Control and status register of a job, at the master and at the slave. The PLC writes both registers, and
+//! the firmware shows the progress of the job in both (manual 5.00005.03a p. 165, 167, 189, 191).
 
 use crate::devices::Context;
 use crate::journal::Handshake;
 use crate::memory::Cell8;
 
-/// The two registers of a job. Both have the same bits. The firmware reads only the control register, and writes both
-/// registers.
+/// The two registers of a job. Their bits have equal meanings. The firmware reads only the control register,
+/// and writes both registers.
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
     pub(super) status: &'a Cell8,

@@ -26,7 +26,7 @@ struct RunSlot {
 }
 
 impl RunSlot {
-    /// An unused slot: no frame is long enough for it.
+    /// An unused slot. Its `end` is larger than the length of any frame.
     const NONE: Self = RunSlot {
         channel: Channel::One,
         shift: 0,
@@ -38,7 +38,7 @@ impl RunSlot {
         value: None,
     };
 
-    /// Returns true if these frames of eight bytes carry the value.
+    /// Returns true if frames of eight bytes on these channels carry the value.
     #[inline]
     fn is_heard(&self, channels: u8) -> bool {
         self.target.is_some()
@@ -59,7 +59,7 @@ impl RunSlot {
 }
 
 impl References {
-    /// Returns the speed reference values, one per interval; `None` if none come.
+    /// Returns the speed reference values, one per interval; `None` if no speed reference values come.
     #[inline]
     pub(crate) fn speeds<'a>(
         &self,
@@ -70,7 +70,7 @@ impl References {
         Some(alike.bits(slot.channel).map(move |bits| slot.value_in(bits)))
     }
 
-    /// Returns the channels of the values that come.
+    /// Returns the channels that carry the values.
     #[inline]
     fn heard(&self, channels: u8) -> u8 {
         let heard = self.0.iter().filter(|slot| slot.is_heard(channels));
@@ -79,8 +79,8 @@ impl References {
 }
 
 impl Card {
-    /// Starts a run of many intervals without losses. Returns `None` unless the card only passes on the master's
-    /// reference values, without a delay.
+    /// Starts a run of many intervals without lost frames. Returns `None` unless the card only passes on the
+    /// master's reference values, without a delay.
     pub(crate) fn begin_run(&self, regler: &VRegler) -> Option<References> {
         if self.delay != 0 || self.stopped || self.may_stop() || self.control_word.is_some() {
             return None;
@@ -142,15 +142,16 @@ impl Card {
         speed
     }
 
-    /// Returns true if no expected reference value is missing while these frames of eight bytes come in each interval.
+    /// Returns true if every expected reference value comes, provided that each interval has frames of eight
+    /// bytes on these channels.
     #[inline]
     pub(crate) fn misses_nothing(&self, references: &References, channels: u8) -> bool {
         (self.losses.expected | self.losses.seen) & !references.heard(channels) == 0
     }
 
-    /// Processes all these intervals at once, except for the first hand-over. The result is the same as with
-    /// [`Card::receive_in_run`] and [`Card::hand_over_in_run`] for each interval. [`Card::misses_nothing`] must be
-    /// true.
+    /// Processes all these intervals at once, except the first hand-over. The result is the same as with
+    /// [`Card::receive_in_run`] and [`Card::hand_over_in_run`] for each interval. The caller must have
+    /// checked [`Card::misses_nothing`].
     #[inline]
     pub(crate) fn leap(&mut self, references: &mut References, alike: &UniformIntervals, channels: u8) {
         let heard = references.heard(channels);
@@ -172,7 +173,7 @@ impl Card {
         }
     }
 
-    /// Ends the run: writes the values passed on to the parameters.
+    /// Ends the run: writes to the parameters the values that the card has passed on.
     pub(crate) fn end_run(&mut self, references: &References, regler: &mut VRegler) {
         for (slot, own) in references.0.iter().zip(&mut self.references) {
             let Some(own) = own else { continue };

@@ -4,7 +4,7 @@ use super::{Slots, VRegler};
 use crate::devices::cansync::drive::drivecom::DrivecomState;
 use crate::devices::cansync::drive::parameters::ParameterSlot;
 
-/// Parameters of a drive in speed mode while only reference values are written.
+/// Parameters of a drive in speed mode during a run, in which only reference values are written.
 pub(in crate::devices::cansync::drive) struct Run {
     pub sync_slot_us: u32,
     pub speed_reference: u32,
@@ -22,8 +22,8 @@ impl Run {
 }
 
 impl VRegler {
-    /// Starts a run of many intervals in which only reference values come. Returns `None` if the motion does not depend
-    /// on the speed reference value alone.
+    /// Starts a run of many intervals in which only reference values come. Returns `None` if the motion
+    /// depends on more than the speed reference value.
     pub(in crate::devices::cansync::drive) fn begin_run(&self) -> Option<Run> {
         if self.is_following_angle() || self.store.is_settling() {
             return None;
@@ -40,8 +40,8 @@ impl VRegler {
         })
     }
 
-    /// Returns `Some` if a reference value for this parameter is permitted in a run; true if it is the speed reference
-    /// value.
+    /// Returns `Some` if a run permits a reference value for this parameter. The value is true for the speed
+    /// reference value.
     pub(in crate::devices::cansync::drive) fn takes_in_run(&self, target: ParameterSlot) -> Option<bool> {
         let Slots { mode, speed_limit, ramp, sync_slot, angle_reference, .. } = self.slots;
         let is_looked_at = [mode, speed_limit, ramp, sync_slot, angle_reference].contains(&target);
@@ -57,8 +57,9 @@ impl VRegler {
         }
     }
 
-    /// Runs through one interval for each speed reference value. At least one value is given; the last value stays. An
-    /// interval has two parts; its reference value takes effect in the second part.
+    /// Runs through one interval for each speed reference value. There must be at least one value; the last
+    /// value remains in the parameter. An interval has two parts. Its reference value takes effect in the
+    /// second part.
     #[inline]
     pub(in crate::devices::cansync::drive) fn steps_in_run(
         &mut self,

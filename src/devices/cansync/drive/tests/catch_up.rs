@@ -9,7 +9,8 @@ fn passed() -> impl Strategy<Value = BusEvent> {
     let reference =
         (prop_oneof![9 => Just(500), 1 => Just(250)], any::<bool>(), any::<[u16; 4]>(), 0..5usize);
     prop_oneof![
-        // Most intervals are in time, so that the drive becomes synchronized and stays synchronized.
+        // Most intervals have the regular length, so that the drive becomes synchronized and stays
+        // synchronized.
         3 => prop_oneof![9 => Just(2000_u64), 1 => 0..9000_u64]
             .prop_map(|now_us| BusEvent::Edge { now_us, interval_us: INTERVAL }),
         3 => reference.prop_map(|(kbit_s, first, words, count)| BusEvent::Reference {
@@ -20,7 +21,7 @@ fn passed() -> impl Strategy<Value = BusEvent> {
     ]
 }
 
-/// Arbitrary events, or uniform intervals with the frames of `channels`, of eight bytes each.
+/// Arbitrary events, or uniform intervals with frames of eight bytes on `channels`.
 fn stretches() -> impl Strategy<Value = Vec<BusEvent>> {
     let small = || (0..9_u16, 0..9_u16).prop_map(|(one, two)| [one, 0, two, 0]);
     let words = || prop_oneof![any::<[u16; 4]>(), small()];
@@ -128,7 +129,7 @@ fn uniform_intervals_are_found_from_every_start() {
             log.push(BusEvent::Reference { kbit_s: 500, channel, payload: Payload::from_words([7; 4], 4) });
         }
     }
-    // The third edge is late, so the intervals from there to the last edge are uniform.
+    // The third edge is late. So the uniform intervals begin at this edge.
     for (taken, one_by_one, alike, rest) in
         [(0, 6, 3, 3), (6, 0, 3, 3), (7, 2, 2, 3), (9, 0, 2, 3), (15, 0, 0, 3), (16, 0, 0, 2), (18, 0, 0, 0)]
     {

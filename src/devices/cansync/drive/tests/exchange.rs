@@ -41,8 +41,9 @@ fn a_control_word_acts_with_the_reference_values() {
     assert_eq!(bench.p(number::ANGLE_ACTUAL) - before, 750, "1000 increments per ms for 750 us");
 }
 
-/// Manuals 5.00005.03a p. 135, 5.02066.01a p. 33: only synchronous position reference values need a synchronized drive.
-/// Other reference values and operating modes are permitted before.
+/// Manuals 5.00005.03a p. 135, 5.02066.01a p. 33: only synchronous position reference values need a
+/// synchronized drive. Other reference values and operating modes are permitted before the drive is
+/// synchronized.
 #[test]
 fn only_position_reference_values_wait_until_the_drive_is_synchronized() {
     let position = with_zk(|zk| {
@@ -66,7 +67,8 @@ fn only_position_reference_values_wait_until_the_drive_is_synchronized() {
     assert_eq!(position.send(Channel::One, &[0x800, 0]).edge().p(number::ANGLE_REFERENCE), 0x800);
 }
 
-/// A value that waits in the card (ZK 24) during the lock also came before the lock.
+/// The drive becomes locked while a value waits in the card (ZK 24). The value came before the lock, so it is
+/// lost.
 #[test]
 fn a_delayed_position_reference_value_from_before_the_lock_is_lost() {
     let cfg = with_zk(|zk| (zk.zk_0, zk.zk_24) = (number::ANGLE_REFERENCE, 2));
@@ -125,9 +127,9 @@ fn a_reference_value_for_the_pwm_frequency_makes_the_drive_recalculate() {
     assert_eq!(read(&mut bench), ParameterResult::Word(8), "20 ms");
 }
 
-/// Manual 5.01010.01 p. 22: without SYNC signal card and drive do not communicate. The control word waits in the card,
-/// and a parameter job is answered with BUSY (p. 26-27). The drive runs through the first interval without edge
-/// (5.00005.03a p. 135).
+/// Manual 5.01010.01 p. 22: without a SYNC signal, card and drive do not communicate. The control word waits
+/// in the card, and a parameter job is answered with BUSY (p. 26-27). The drive runs through the first
+/// interval without an edge (5.00005.03a p. 135).
 #[test]
 fn nothing_passes_between_card_and_drive_without_sync() {
     let mut bench = Bench::new(&demo());
@@ -169,8 +171,8 @@ fn nothing_passes_between_card_and_drive_after_too_many_losses() {
     assert_eq!(bench.job(300, Access::Read), ParameterResult::Doubleword(7));
 }
 
-/// Manual 5.01010.01 p. 30: bit 15 of the status word belongs to the card. So the bit shows a master that the drive has
-/// lost SYNC (p. 21), while the drive's part of the word does not change.
+/// Manual 5.01010.01 p. 30: bit 15 of the status word belongs to the card. So a master sees in this bit that
+/// the drive has lost SYNC (p. 21), while the drive's part of the word does not change.
 #[test]
 fn the_card_answers_the_status_word_also_without_sync() {
     let mut bench = Bench::new(&demo());
@@ -184,7 +186,7 @@ fn the_card_answers_the_status_word_also_without_sync() {
     assert_eq!(bench.job(number::STATUS_WORD, Access::WriteWord(0)), ParameterResult::Busy);
 }
 
-/// The card answers jobs that do not need the drive.
+/// The card itself answers jobs that do not need the drive.
 #[test]
 fn a_job_for_a_sub_slave_is_refused_also_without_sync() {
     let mut bench = Bench::new(&demo());

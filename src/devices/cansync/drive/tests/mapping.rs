@@ -62,7 +62,7 @@ fn card_function_0_needs_another_slaves_value_in_every_interval() {
     assert_eq!(taken(CardFunction::Old), [0, 2, 3, 3, 3, 3, 3, 8]);
 }
 
-/// Manual 5.01010.01 p. 17: settings of ZK 26 take effect with card function 1 only.
+/// Manual 5.01010.01 p. 17: ZK 26 has an effect only with card function 1.
 #[test]
 fn card_function_0_has_no_zk_26() {
     for (card_function, stops) in [(CardFunction::Old, false), (CardFunction::Current, true)] {
@@ -190,7 +190,8 @@ fn zk_26_stops_the_exchange_after_more_losses_in_succession() {
     assert_eq!((bench.p(300), bench.drive.is_exchange_stopped()), (3, false));
 }
 
-/// 5.01010.01 p. 30: bit 15 belongs to the card, independent of the drive's status word, also after its end (ZK 26).
+/// 5.01010.01 p. 30: bit 15 belongs to the card and does not depend on the drive's status word. This is still
+/// true when ZK 26 has stopped the exchange.
 #[test]
 fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
     let mut bench = Bench::synchronized(&with_zk(|zk| zk.zk_26 = 1));

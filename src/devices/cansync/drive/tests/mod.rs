@@ -10,7 +10,7 @@ use super::*;
 
 const INTERVAL: u32 = 2000;
 
-/// A drive on a separate bus; `now` is the time of the next SYNC edge.
+/// A drive that is alone on a bus; `now` is the time of the next SYNC edge.
 struct Bench {
     drive: Drive,
     now: u64,

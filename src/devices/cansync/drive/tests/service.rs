@@ -60,7 +60,7 @@ fn faulty_drives_are_refused() {
     }
 }
 
-/// The drive's own parameters have the values after power-on that the plant file gives.
+/// The plant file can set the values that the drive's own parameters have after power-on.
 #[test]
 fn own_parameters_get_their_values_from_the_plant_file() {
     let value = |number, initial| ParameterSpec { initial, ..ParameterSpec::new(number, ParamFormat::Word) };

@@ -13,7 +13,8 @@ fn bit_15_comes_after_the_lock_time() {
     assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(2)), Some(0x8037));
 }
 
-/// Manual 5.00005.03a p. 135: the drive runs through the next interval; at most its actual value frame is missing.
+/// Manual 5.00005.03a p. 135: if an edge is lost, the drive still runs through the next interval. At most its
+/// actual value frame is missing.
 #[test]
 fn a_drive_runs_through_an_interval_with_a_lost_edge() {
     let mut bench = Bench::synchronized(&demo());
@@ -48,7 +49,7 @@ fn a_longer_loss_of_sync_ends_the_lock_but_not_the_motion() {
     assert!(!ramp.drive.is_synchronized());
 }
 
-/// Manual p. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is configured.
+/// Manual p. 135: the loss of SYNC is an error. D-294: if no reaction is configured, it is a warning.
 #[test]
 fn a_lost_lock_is_reported_until_the_drive_is_synchronized_again() {
     let mut bench = Bench::synchronized(&demo());
@@ -106,7 +107,7 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
     }
 }
 
-/// Decision D-294: "inhibit" does not wait for the end of a braking with another cause.
+/// Decision D-294: "inhibit" takes effect at once, even if the drive is braking for another reason.
 #[test]
 fn inhibit_ends_the_braking_of_another_fault() {
     let sync = MonitorSettings { reaction: Reaction::Inhibit, ..Default::default() };
@@ -150,7 +151,8 @@ fn lost_reference_values_are_reported_until_sync_mode_on() {
     }
 }
 
-/// Manual 5.01010.01 p. 13: P167 matches the baud rate, and P168 is 0. D-291: with another value the drive never locks.
+/// Manual 5.01010.01 p. 13: P167 must match the baud rate, and P168 must be 0. D-291: with another value of
+/// P167 the drive never becomes locked.
 #[test]
 fn a_sync_slot_of_another_rate_never_locks() {
     for (kbit_s, interval) in [(1000, 1000), (500, 2000), (250, 4000), (125, 8000)] {
