@@ -1,6 +1,7 @@
-//! The next times of many participants. A tournament tree finds the next event without a search over all participants.
+//! A queue of many participants, each with the time of its next event. A tournament tree finds the earliest event
+//! without a search over all participants.
 
-/// Time of a participant without an event.
+/// Entry of a participant that has no event.
 pub(crate) const NEVER: u64 = u64::MAX;
 
 /// Times of several participants, as a tree. Each node has the earlier time of its two children. The root is at index

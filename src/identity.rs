@@ -52,7 +52,8 @@ indices! {
     /// A device of a plant. Devices are numbered from 0 in the order of the plant file.
     DeviceIndex: u16;
     /// A bus of a plant. Buses are numbered from 0 in the order of the plant file, which has fewer than 65,536 buses.
-    /// Placeholders for ports without a bus have the next numbers, so the index has more than 16 bits.
+    /// Each port without a bus gets a placeholder bus with a number after these numbers, so the index has more than 16
+    /// bits.
     BusIndex: u32;
 }
 
@@ -80,11 +81,11 @@ impl BusIndex {
 pub struct PortNumber(pub u8);
 
 impl PortNumber {
-    /// Stands for the device itself where a port can also be named.
+    /// Means the device itself, in places where a port or a device can be named.
     pub const DEVICE: Self = PortNumber(0);
 
-    /// Returns the position of the port's entry in the header page; `usize::MAX`, where no list has an entry, for
-    /// [`DEVICE`](Self::DEVICE).
+    /// Returns the position of the port's entry in the header page. For [`DEVICE`](Self::DEVICE), returns `usize::MAX`,
+    /// a position at which no list has an entry.
     #[inline]
     #[must_use]
     pub const fn index(self) -> usize {

@@ -17,8 +17,8 @@ pub const LONGEST: u64 = 64 << 20;
 /// Maximum length of a plant. Sufficient for a plant of 1,000 PLCs with 32 drives each.
 pub(crate) const LONGEST_PLANT: u64 = 8 << 20;
 /// Maximum length of a script in bytes; each import counts separately. The whole script is compiled before its first
-/// line runs. A long script would take long, because the compiler compares each pair of names in a map or of cases in a
-/// `switch`.
+/// line runs. Compiling a longer script could take too long, because the compiler compares each pair of names in a map
+/// or of cases in a `switch`.
 pub(crate) const LONGEST_SCRIPT: u64 = 64 << 10;
 
 /// True if the process reads its commands from the standard input, so that it cannot be an input file.

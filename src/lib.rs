@@ -2,7 +2,7 @@
 //! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015, esd's PROFIBUS/CAN gateway CAN-DP/2.
 //!
 //! The RAM of a device is on the heap or in an image file in shared memory; for the first two devices, byte n is
-//! `%MB3.n`. Firmware, buses and drives run on that memory, driven by one deterministic function,
+//! `%MB3.n`. Firmware, buses and drives work on this memory. One deterministic function advances all of them:
 //! [`Plant::advance_to`](plant::Plant::advance_to).
 //!
 //! | module | content |
@@ -143,12 +143,13 @@ struct CanDp2Blocks;
 #[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
 
-/// Settings of the library's property tests. Earlier failures are kept below `tests/`, and not beside `src/`.
+/// Settings of the library's property tests. Inputs of earlier failures are kept below `tests/`, and not next to the
+/// sources.
 #[cfg(test)]
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
     let mut config = Config::default();
-    // There is no persistence if the environment disables it.
+    // The environment can disable the storage of failures, so only an existing setting is replaced.
     config.failure_persistence = config.failure_persistence.map(|_| -> Box<dyn FailurePersistence> {
         Box::new(FileFailurePersistence::SourceParallel("tests/proptest-regressions/src"))
     });

@@ -61,8 +61,8 @@ pub(super) trait GuestSession: fmt::Debug + Send {
     /// Appends the answer to a request for time. The present time is given as emulated time and as bit time.
     fn grant(&self, time_us: u64, bit: u64, to: &mut Vec<u8>);
 
-    /// Appends the bytes for a message that has arrived at this emulated time. Nothing is appended for another kind of
-    /// messages; this does not occur, because doors of this protocol are not at such a bus.
+    /// Appends the bytes for a message that has arrived at this emulated time. Appends nothing if the message is of
+    /// another kind. This does not occur, because a bus with another kind of messages has no doors of this protocol.
     fn encode(&self, time_us: u64, message: &BusMessage, to: &mut Vec<u8>);
 
     /// True if bytes that the guest does not read in time are lost, as in the receiver of a serial adapter.
@@ -71,10 +71,10 @@ pub(super) trait GuestSession: fmt::Debug + Send {
     }
 }
 
-/// All protocols, in the order in which messages name them.
+/// All protocols, in the order in which error messages list them.
 pub(super) static PROTOCOLS: [&dyn Protocol; 2] = [&slcan::Slcan, &telegrams::Telegrams];
 
-/// List of all kinds of doors for messages: `slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN`.
+/// Lists all kinds of doors, for error messages: `slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN`.
 pub(super) fn known_doors() -> String {
     let mut known = Vec::new();
     for (index, protocol) in PROTOCOLS.iter().enumerate() {
@@ -86,7 +86,8 @@ pub(super) fn known_doors() -> String {
     known.join(", ")
 }
 
-/// List of the doors on buses with this kind of messages, for messages to users: `slcan-tcp or slcan-pty`.
+/// Lists the kinds of doors that a bus with this kind of messages can have, for error messages: `slcan-tcp or
+/// slcan-pty`.
 #[must_use]
 pub fn doors_of(traffic_kind: TrafficKind) -> String {
     let mut names = Vec::new();

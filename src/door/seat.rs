@@ -1,9 +1,9 @@
 //! The relation of a guest to emulated time: a guest is free, or it has a seat in lockstep.
 //!
-//! A guest that has never requested a time is free. A request means "I send nothing for this time, or until I receive a
-//! frame". From the first request on the guest has a seat: a stepped clock does not advance further than the end of the
-//! requested time. When the time is over or a frame has come, it is the guest's turn: the clock stops, and the guest
-//! may send until its next request. The protocol of the door defines the format of the request.
+//! A guest that has never requested a time is free. With a request the guest promises to send nothing for this time, or
+//! until it receives a frame. From the first request on the guest has a seat: a stepped clock does not advance further
+//! than the end of the requested time. When the time is over or a frame has come, it is the guest's turn: the clock
+//! stops, and the guest may send until its next request. The protocol of the door defines the format of the request.
 
 /// The relation of a guest to emulated time. Times are in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,8 +30,8 @@ pub enum GuestTurn {
 }
 
 impl GuestTurn {
-    /// Asks for a duration. Returns false if another request is pending, or if the duration is 0, which would stop the
-    /// clock permanently.
+    /// Requests a turn after `us` microseconds. Returns false if another request is pending, or if `us` is 0: the clock
+    /// would then never advance.
     pub(super) fn ask(&mut self, us: u64) -> bool {
         let may = self.may_speak() && us > 0;
         if may {
@@ -82,8 +82,8 @@ impl GuestTurn {
         }
     }
 
-    /// True if the guest may send. A guest that has requested time must not send until the answer, because the request
-    /// is a promise to send nothing.
+    /// True if the guest may send. After a request for time, the guest must not send until it receives the answer,
+    /// because the request is a promise to send nothing.
     #[must_use]
     pub fn may_speak(self) -> bool {
         matches!(self, GuestTurn::Free | GuestTurn::HasTurn)

@@ -79,7 +79,8 @@ pub(super) struct Status {
 
 impl Status {
     /// Returns the status byte. The bits are the same as in the adapters for which the protocol was made: 2 error
-    /// warning, 3 overrun, 5 error-passive. Bit 7 means a bus error in adapters, and BUS-off here (decision D-287).
+    /// warning, 3 overrun, 5 error-passive. Bit 7 means a bus error in adapters. In this emulator it means BUS-off
+    /// (decision D-287).
     fn code(self) -> u8 {
         let errors = match self.errors {
             ErrorState::Active => 0,
@@ -158,7 +159,8 @@ impl Session {
                     self.line = line;
                     self.line.clear();
                 }
-                // A line with one more byte than the longest valid line is invalid, so further bytes need not be kept.
+                // The guard keeps one byte more than the longest valid line has. Such a line is invalid, so its further
+                // bytes need not be kept.
                 _ if self.line.len() <= LONGEST => self.line.push(byte),
                 _ => {}
             }
@@ -182,7 +184,8 @@ impl Session {
                 let rate = code.checked_sub(b'0').and_then(Rate::of_code);
                 rate.is_some() && adapter.set_rate(rate)
             }
-            // The value is for the bit timing registers of some controller, so it is not checked.
+            // The value is meant for the bit timing registers of an adapter's controller. The emulator has no such
+            // registers, so it does not check the value.
             (b's', [_, ..]) if rest.iter().all(u8::is_ascii_hexdigit) => adapter.set_rate(None),
             (b'O', []) => {
                 adapter.open(false);

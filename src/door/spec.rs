@@ -6,7 +6,7 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 
-/// Specification of a door. For a requested door, the port or number may be open.
+/// Specification of a door. A request for a door may leave the TCP port or the number of the pseudo-terminal open.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct DoorSpec {
@@ -20,7 +20,7 @@ pub struct DoorSpec {
 pub enum Carrier {
     /// TCP, with the address at which the door listens. Port 0 requests any free port.
     Tcp(SocketAddrV4),
-    /// A pseudo-terminal. For an open door, this is the number in its name `/dev/pts/…`.
+    /// A pseudo-terminal, with the number in its name `/dev/pts/…`. A request for a door has no number yet.
     Pty(Option<u32>),
 }
 
@@ -109,8 +109,8 @@ impl From<DoorSpec> for String {
 }
 
 impl DoorSpec {
-    /// Returns the door for a number on the channel. A door over TCP gets the address `at`, a door over a
-    /// pseudo-terminal gets the number `pty`. `None` if no kind of door has this number.
+    /// Returns the door whose kind has this number in requests of the channel. A door over TCP gets the address `at`, a
+    /// door over a pseudo-terminal gets the number `pty`. `None` if no kind of door has this number.
     #[must_use]
     pub fn of_number(number: u16, at: SocketAddrV4, pty: Option<u32>) -> Option<Self> {
         (0..).zip(PROTOCOLS).find_map(|(index, protocol)| {
@@ -123,7 +123,7 @@ impl DoorSpec {
         })
     }
 
-    /// Returns the number of this kind of door on the channel.
+    /// Returns the number by which requests of the channel name this kind of door.
     #[must_use]
     pub fn number(self) -> u16 {
         let protocol = self.protocol();
@@ -209,7 +209,7 @@ mod tests {
             let door: DoorSpec = text.parse().unwrap();
             assert_eq!(door.to_string(), text);
         }
-        // A door for the whole network may also have a local address.
+        // The kind of door that other machines may reach can also have a local address.
         let few: DoorSpec = "slcan-tcp-anybody:127.0.0.1:5".parse().unwrap();
         assert_eq!(few.to_string(), "slcan-tcp:127.0.0.1:5");
     }

@@ -1,7 +1,7 @@
 //! PROFIBUS telegrams over a stream of bytes. Each telegram consists of the number of octets (16 bits), the bit time of
-//! the first bit (64 bits), and the octets. The low byte of each number comes first. A telegram without octets is a
-//! request of the guest for emulated time until this bit time, or the answer to such a request. This module only
-//! converts bytes; the bus interprets them.
+//! the first bit (64 bits), and the octets. The low byte of each number comes first. A telegram without octets from a
+//! guest requests emulated time until the given bit time. A telegram without octets to a guest is the answer. This
+//! module only converts bytes; the bus interprets the octets.
 
 use super::protocol::{GuestSession, Protocol, TrafficKind};
 use super::serial;
@@ -80,7 +80,8 @@ impl Session {
             }
             let Some((octets, following)) = following.split_at_checked(usize::from(length)) else { break };
             if octets.is_empty() {
-                // The result is not needed: a guest that requests twice gets one answer.
+                // The result is ignored: it is false if the guest already has a request, and both requests then get one
+                // answer.
                 adapter.ask_until(begin);
             } else {
                 // If there is no room for the telegram, it is counted as refused.

@@ -9,8 +9,8 @@ use crate::profibus::Burst;
 pub enum BusMessage {
     /// A frame of CAN.
     Frame(Frame),
-    /// Octets on PROFIBUS, with the bit time of their first bit. A guest uses the bit time 0 to send as soon as the
-    /// line is free.
+    /// Octets on PROFIBUS, with the bit time of their first bit. A guest that wants to send as soon as the line is free
+    /// gives the bit time 0.
     Burst(Burst),
 }
 

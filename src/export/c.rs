@@ -18,8 +18,8 @@ const ATTACH: &str = include_str!("c/attach.h");
 const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
-/// Words of C and C++, and macros of their standard headers, that cannot be names of fields. Registers of a folder and
-/// fields of the header page can have such names.
+/// Words of C and C++, and macros of their standard headers. A register of a device folder or a field of the header
+/// page can have such a name, but a field in C cannot.
 const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor bool break case catch char char8_t char16_t \
     char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue \
     decltype default delete do double dynamic_cast else enum EOF errno explicit export extern false float for friend goto if \
@@ -184,8 +184,9 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
     let _ = writeln!(out, "COMMRAM_ASSERT(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
 }
 
-/// Returns the expression for a register of the image `ram`: the function of its structure, `(&ram)->`, the register.
-/// `name` begins with an area; `None` if the device has no such register.
+/// Returns the C expression for a register of the image `ram`. It consists of the function that returns the register's
+/// structure, `(&ram)->`, and the register. `name` begins with the name of an area. Returns `None` if the device has no
+/// such register.
 #[cfg(feature = "cli")]
 pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> Option<String> {
     let (area, register) = name.split_once('.')?;
@@ -202,7 +203,7 @@ fn accessor(placed: &AreaStructure) -> String {
     free_name(&format!("commram{}", placed.variable))
 }
 
-/// Generates the places of the structures, and functions that return the structures of an image.
+/// Generates the offsets of the structures, and functions that return the structures of an image.
 fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {
@@ -237,13 +238,13 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
-/// Returns the name of a field, with `_` appended if C or C++ has another use of it.
+/// Returns the name of a field, with `_` appended if the name has another meaning in C or C++.
 fn field_name(name: &str) -> String {
     if KEYWORDS.split_whitespace().any(|word| word == name) { format!("{name}_") } else { name.to_owned() }
 }
 
-/// Returns the name of a type, a function or a macro, with `_` appended if C, C++ or the header itself has another use
-/// of it.
+/// Returns the name of a type, a function or a macro, with `_` appended if the name has another meaning in C, in C++ or
+/// in the header itself.
 fn free_name(name: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE]

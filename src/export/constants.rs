@@ -32,7 +32,8 @@ pub struct Enumeration {
     /// The members of the enumeration: for each, the name without the prefix of the enumeration, the value, and the
     /// meaning.
     pub members: Vec<(String, u32, String)>,
-    /// Full names of constants with the numbers of the fields' lowest bits. They are not members.
+    /// Constants for the number of a field's lowest bit, with their full names. They are not members of the
+    /// enumeration.
     pub shifts: Vec<(String, u32)>,
 }
 
@@ -84,7 +85,7 @@ pub(crate) fn own_name(prefix: &str, name: &str) -> String {
     if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
 }
 
-/// Returns the subject of a field of bits in a few words, and the decision if the field is inferred.
+/// Returns a short description of a field of bits, and the decision if the field is inferred.
 pub(crate) fn about(field: &BitField) -> String {
     let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
     let text = text.unwrap_or_default().replace("{}", "n");
@@ -128,7 +129,8 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     constants
 }
 
-/// Returns the text before the details, which begin with a colon or bracket, and before the placeholder for the value.
+/// Returns the part of the text before its details or the placeholder for the value. Details begin with a colon or
+/// bracket.
 fn gist(text: &str) -> &str {
     let details = [":", " (", "{}"].into_iter().filter_map(|sign| text.find(sign)).min();
     details.and_then(|end| text.get(..end)).filter(|gist| !gist.is_empty()).unwrap_or(text)

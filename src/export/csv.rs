@@ -70,8 +70,9 @@ fn cell(text: &str) -> String {
     }
 }
 
-/// Puts an apostrophe before each text that a spreadsheet evaluates as a formula. Spreadsheets of some countries separate
-/// cells by semicolons, so the text after a semicolon, tab or line end is a text, too. Numbers stay numbers.
+/// Puts an apostrophe before each text that a spreadsheet evaluates as a formula. Spreadsheets of some countries
+/// separate cells by semicolons. So the function treats the text after a semicolon, tab or line end like a separate
+/// cell. Numbers stay numbers.
 fn without_formulas(text: &str) -> Cow<'_, str> {
     let is_separator = |sign: char| matches!(sign, ';' | '\t' | '\r' | '\n');
     if is_number(text) || !text.split(is_separator).any(is_formula) {
@@ -82,11 +83,12 @@ fn without_formulas(text: &str) -> Cow<'_, str> {
     Cow::Owned(parts.map(safe).collect())
 }
 
-/// True for the beginnings of formulas. Spreadsheets of some languages also accept the wide forms of the signs.
+/// True if the text begins like a formula. In some languages, spreadsheets also accept the full-width forms of the
+/// signs.
 fn is_formula(text: &str) -> bool {
     let text = text.trim().trim_end_matches(';');
     let is_sign = |sign: char| matches!(sign, '=' | '+' | '-' | '@' | '＝' | '＋' | '－' | '＠');
-    // A sign alone, as a mark for no value, is no formula.
+    // A single sign is no formula: it marks an absent value.
     text.starts_with(is_sign) && text.chars().nth(1).is_some() && !is_number(text)
 }
 

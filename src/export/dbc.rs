@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// Placeholder for a node outside the database.
 const UNKNOWN_NODE: &str = "Vector__XXX";
-/// Words of the format that cannot be names, and the placeholder.
+/// Words of the format, which cannot be names, and the placeholder for a node that is not in the database.
 const KEYWORDS: &str = "BA_ BA_DEF_ BA_DEF_DEF_ BA_DEF_DEF_REL_ BA_DEF_REL_ BA_DEF_SGTYPE_ BA_REL_ BA_SGTYPE_ BO_ BO_TX_BU_ BS_ BU_ \
     BU_BO_REL_ BU_EV_REL_ BU_SG_REL_ CAT_ CAT_DEF_ CM_ DUMMY_NODE_VECTOR0 DUMMY_NODE_VECTOR1 DUMMY_NODE_VECTOR2 \
     DUMMY_NODE_VECTOR3 DUMMY_NODE_VECTOR8000 DUMMY_NODE_VECTOR8001 DUMMY_NODE_VECTOR8002 DUMMY_NODE_VECTOR8003 ENUM \
@@ -140,8 +140,8 @@ mod tests {
     use super::*;
     use crate::can::{ExtendedId, StandardId};
 
-    /// A name that two programs would read in different ways is changed: words of the format, and names that differ only in
-    /// characters that the format does not have.
+    /// The database has other names for words of the format, and for names that differ only in characters that the
+    /// format does not have. Two programs would read such names in different ways.
     #[test]
     fn words_of_the_format_are_no_names() {
         assert_eq!(

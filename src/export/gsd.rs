@@ -6,7 +6,7 @@ use crate::layout::gsd::{Module, Parameter, Texts, Value};
 use crate::layout::{Gsd, Provenance, ValueMeaning};
 use std::fmt::Write;
 
-/// Numbers of two text lists: of bits in which 1 means yes, and of bits in which 0 means yes.
+/// Numbers of the two lists of texts for single bits. In the first list 1 means yes, in the second list 0 means yes.
 const NO_YES: usize = 1;
 const YES_NO: usize = 2;
 

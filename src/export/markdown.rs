@@ -1,13 +1,14 @@
-//! Texts in Markdown: each character means itself (D-799).
+//! Escapes texts for Markdown, so that a reader sees each character as it is (D-799).
 
 /// Converts a text so that Markdown shows its characters. Code between single backquotes stays code. The result has no HTML, no link, no
 /// emphasis, and no command of a program that expands templates in Markdown, such as mdbook, Jekyll or pandoc.
 pub(crate) fn text(text: &str) -> String {
     let parts: Vec<_> = text.split('`').collect();
-    // Parts with odd numbers are code. A backslash or brace there would need an escape, which code does not have.
+    // The text is split at backquotes, so the parts with odd numbers are code. A part with a backslash or brace cannot
+    // be code, because Markdown has no escapes within code.
     let is_code = |part: &&str| !part.is_empty() && !part.contains(['\\', '{', '\n']);
     let has_code = parts.len() % 2 == 1 && parts.iter().skip(1).step_by(2).all(is_code);
-    // Two adjacent backquotes would be another kind of code.
+    // In Markdown, two adjacent backquotes begin another form of code.
     let has_adjacent = text.contains("``");
     if !has_code || has_adjacent {
         return plain(text);
@@ -18,7 +19,8 @@ pub(crate) fn text(text: &str) -> String {
     parts.iter().enumerate().map(converted).collect()
 }
 
-/// Converts a text at the beginning of a paragraph, where further characters are markup.
+/// Converts a text at the beginning of a paragraph. There, more characters are markup than in the middle of a
+/// paragraph.
 pub(crate) fn paragraph(of: &str) -> String {
     let text = text(of.trim_start());
     let digits = text.trim_start_matches(|sign: char| sign.is_ascii_digit());
@@ -31,7 +33,7 @@ pub(crate) fn paragraph(of: &str) -> String {
     }
 }
 
-/// True if a list has such characters after the number of an item.
+/// True if the text after a number makes this number the number of a list item.
 fn is_number_of_list(rest: &str) -> bool {
     rest.strip_prefix(['.', ')']).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
 }

@@ -1,6 +1,5 @@
 //! C code for IEC 61131-3 programs that matiec has compiled. It binds their located variables to an image, in every
-//! space of addresses of the device. The C header comes first, then tables of the device, then the templates in
-//! `matiec/`.
+//! address space of the device. The C header comes first, then tables of the device, then the templates in `matiec/`.
 
 use super::c;
 use super::runner::{self, Compiler};
@@ -85,8 +84,8 @@ pub(crate) fn tables(scope: &Scope) -> String {
     for space in spaces() {
         let _ = write!(out, " \\\n    || {}", is_meant(space));
     }
-    // All `%M` addresses belong to the device, even those without memory: variables of the program would not overlay
-    // each other (decision D-740).
+    // All `%M` addresses belong to the device, even those without memory: if variables of the program had such
+    // addresses, they would not overlay each other (decision D-740).
     if spaces().any(|space| space.letter == 'M') {
         out.push_str(" \\\n    || (letter) == 'M'");
     }
@@ -147,7 +146,7 @@ fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static 
     memory
 }
 
-/// Returns the ranges of bytes without gaps that the areas cover, each as first byte and end.
+/// Returns the ranges of bytes that the areas cover, each as first byte and end. Adjacent areas form one range.
 fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     let mut areas: Vec<_> = areas.iter().map(|area| (area.first, area.first + area.bytes)).collect();
     areas.sort_unstable();
@@ -162,7 +161,7 @@ fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
 }
 
 /// True if programs access the area by bits and by any width, so that registers only name parts of the area. This is so
-/// for inputs, for outputs, and for flags beside the retain flags or other flags (D-772).
+/// for inputs, for outputs, and for flags that are neither the retain flags nor the other flags (D-772).
 fn is_programs(scope: &Scope, area: &Area) -> bool {
     let space = area.space;
     let has = |other: Option<&Area>| other.is_some_and(|other| other.space.offset == space.offset);
@@ -170,8 +169,8 @@ fn is_programs(scope: &Scope, area: &Area) -> bool {
     space.segment.is_empty() && (matches!(space.letter, 'I' | 'Q') || has(retain) || has(flags(scope)))
 }
 
-/// Generates C functions that convert a place in the image to the number of a flag bit, and this number to the place of
-/// the byte. The bits are numbered through all `areas` of flags.
+/// Generates two C functions. The first converts an offset in the image to the number of a flag bit, the second
+/// converts such a number to the offset of the byte. The numbers continue from one of the `areas` of flags to the next.
 fn bits(areas: &[&Area]) -> String {
     let (mut bit, mut byte, mut bytes) = (String::new(), "0u".to_owned(), 0);
     for area in areas {
@@ -194,7 +193,7 @@ fn bits(areas: &[&Area]) -> String {
     )
 }
 
-/// Returns the C program around a program that matiec compiled with the glue.
+/// Returns the C program that runs a program compiled by matiec with the glue code.
 pub(crate) fn main(scope: &Scope) -> String {
     runner::generate(scope, &MATIEC)
 }
@@ -220,8 +219,8 @@ fn is_inside(space: &Space) -> String {
     format!("({is_behind}{number} < UINT64_C({end}))")
 }
 
-/// Returns a C expression for the start of the addressed unit, in bytes from number 0 on. For bits, it is the start of
-/// the unit that contains them.
+/// Returns a C expression for the first byte of the addressed unit, counted from the byte with number 0 of the space.
+/// For the address of a bit, it is the first byte of the unit that contains the bit.
 fn number(space: &Space) -> String {
     let number = if space.segment.is_empty() { "(a)" } else { "(b)" };
     match space.unit {
@@ -230,14 +229,14 @@ fn number(space: &Space) -> String {
     }
 }
 
-/// Returns the first byte of the space, in bytes from number 0 on as in [`number`].
+/// Returns the first byte of the space, counted as in [`number`].
 fn first_byte(space: &Space) -> u32 {
     space.first * space.unit.width().bytes()
 }
 
-/// Returns ranges of bytes in which registers have the same widths: first byte, end, and the sum of the widths, which
-/// are powers of two. Used registers of overlaid structures have the same widths, except where a module decides which
-/// structure the area has.
+/// Returns ranges of bytes in which registers have the same widths, as first byte, end, and the sum of the widths. The
+/// widths are powers of two, so the sum shows which widths occur. In overlaid structures the used registers have the
+/// same widths, unless a module decides which structure the area has.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in scope.areas.iter().filter(|area| !is_programs(scope, area)) {

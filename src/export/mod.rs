@@ -181,8 +181,8 @@ pub enum ExportError {
 /// Generates the register map of `device` in `format`. With `block`, it has only this area.
 ///
 /// # Errors
-/// [`ExportError`], if there is no area of this name, if the format has no addresses for it, or if the device does not
-/// have the subject of the format: an object dictionary, or a PROFIBUS-DP slave.
+/// [`ExportError`], if there is no area of this name, if the format has no addresses for the area, or if the format
+/// describes an object dictionary or a PROFIBUS-DP slave and the device has none.
 pub fn export(
     device: &'static DeviceLayout,
     format: Format,
@@ -229,8 +229,8 @@ pub(crate) fn export_scope(scope: Scope, format: Format) -> Result<String, Expor
     })
 }
 
-/// Generates a complete file for matiec, see [`StCompiler::Matiec`]. These function blocks in Structured Text are
-/// between types and program.
+/// Generates a complete file for matiec, see [`StCompiler::Matiec`]. `blocks` are function blocks in Structured Text.
+/// In the file they follow the types and precede the program.
 #[must_use]
 pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {
     let areas = device.named_areas().collect();

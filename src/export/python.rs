@@ -76,7 +76,8 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     out.push_str("    },\n");
 }
 
-/// Generates an enumeration of the values, or flags if there are bits. Numbers of lowest bits are not members.
+/// Generates an enumeration of the values, or flags if the members are bits. The constants for the lowest bits of
+/// fields are not members.
 fn enumeration(out: &mut String, of: &Enumeration) {
     if !of.members.is_empty() {
         let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
@@ -187,7 +188,8 @@ fn decision(source: &Provenance) -> String {
     source.decision().map_or("None".to_owned(), quoted)
 }
 
-/// Returns a text as a string of Python. Rust's escapes of characters that are not printable are no escapes of Python.
+/// Returns a text as a string literal of Python. Rust's own escaping is not used, because Python does not know its
+/// escapes of unprintable characters.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for sign in text.chars() {

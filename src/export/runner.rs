@@ -1,5 +1,5 @@
 //! The program around a compiled IEC 61131-3 program: `plc IMAGE [EVENT [I_PAR1]]`. Its text is the same for all
-//! compilers except for the head, which adapts the compiler's names.
+//! compilers, except for its head, which adapts the names of the compiler.
 
 use super::scope::Scope;
 use super::text;

@@ -28,10 +28,11 @@ pub enum StCompiler {
     #[default]
     Any,
     /// A whole file for matiec, which includes the program and has its configuration. matiec accepts each spelling of
-    /// an address only once. Its C code for an array of arrays does not compile: such arrays have two dimensions here.
+    /// an address only once. The C code that it generates for an array of arrays does not compile, so the file has
+    /// arrays of two dimensions instead.
     Matiec,
-    /// A configuration for STruC++, which reads the program from another file. STruC++ binds only variables of
-    /// elementary types in a configuration, accepts each address only once, and does not accept additional levels
+    /// A configuration for STruC++, which reads the program from another file. In a configuration, STruC++ binds only
+    /// variables of elementary types. It accepts each address only once, and no additional levels in an address
     /// (decision D-755).
     StruCpp,
 }
@@ -57,7 +58,7 @@ impl StForm {
     }
 }
 
-/// Generates the declarations, with these function blocks after the types.
+/// Generates the declarations. `blocks` are function blocks that follow the types.
 pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> String {
     let mut out = head(scope, form, blocks.map_or(form.command(), |_| "st --blocks"));
     let variables = if form.is_elementary() {
@@ -71,12 +72,14 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
     match form.compiler {
         StCompiler::Any => out + &variables,
         StCompiler::StruCpp => out + &configuration(&variables),
-        // The include is between types and variables, because matiec accepts it only before a configuration.
+        // matiec accepts an include only before a configuration, so the include is between the types and the
+        // configuration with the variables.
         StCompiler::Matiec => out + "{#include \"program.st\"}\n\n" + &configuration(&variables),
     }
 }
 
-/// Returns a configuration that runs `MAIN`. Configuration and resource have the names that OpenPLC builds.
+/// Returns a configuration that runs `MAIN`. The configuration and the resource have the names that OpenPLC expects
+/// when it builds a program.
 fn configuration(variables: &str) -> String {
     format!(
         "(* Replace task and program by your own. Declare each register that a program uses in its VAR_EXTERNAL. *)\n\
@@ -119,8 +122,8 @@ fn structures(scope: &Scope, form: StForm) -> String {
     out
 }
 
-/// Spellings of addresses for places with more than one variable. An appended level of 0 names the same place; for
-/// STruC++, so does a segment number that is higher by 1000.
+/// Finds another spelling of an address for each further variable at the same place. An appended level of 0 does not
+/// change the place. For STruC++, a segment number that is higher by 1000 does not change it, either.
 #[derive(Default)]
 struct Spellings(BTreeMap<String, usize>);
 
@@ -190,8 +193,8 @@ const KEYWORDS: &str = "action and any array at bool by byte case configuration 
     ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
     word wstring xor";
 
-/// Returns a name of a structure or of its member: with `r_` in front if it is a word of the language, in which case
-/// does not matter.
+/// Returns the name of a structure or of its member. If the name is a word of the language in upper or lower case, it
+/// gets the prefix `r_`.
 fn identifier(name: &str) -> String {
     let is_keyword = KEYWORDS.split_whitespace().any(|word| word.eq_ignore_ascii_case(name));
     if is_keyword { format!("r_{name}") } else { name.to_owned() }
@@ -199,7 +202,8 @@ fn identifier(name: &str) -> String {
 
 /// A named array type. The vendor's compilers require a name for each array type. The manual names types with one
 /// dimension by a pattern: `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p.
-/// 249). For arrays of arrays the inner type sorts first.
+/// 249). The order of this type puts the inner type of an array of arrays first, because its declaration must precede
+/// the array.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Array {
     of_records: bool,

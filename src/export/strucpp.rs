@@ -7,7 +7,8 @@ use super::runner::{self, Compiler};
 use super::scope::Scope;
 use super::text;
 
-/// Code for the files of the compiled program: global variables that can be bound to registers.
+/// C++ code that every file of the compiled program includes. It defines global variables that can be bound to
+/// registers.
 const VARIABLES: &str = include_str!("strucpp/variables.hpp");
 const BINDING: &str = include_str!("strucpp/binding.hpp");
 const STRUCPP: Compiler =

@@ -33,7 +33,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
         xml.leaf("resetValue", "0x0");
         xml.leaf("resetMask", "0xFFFFFFFF");
         xml.node("peripherals", "", |xml| {
-            // If the device's manual has CPU addresses, a debugger cannot access an area without a CPU address.
+            // If the manual of the device gives CPU addresses, the file has only areas with a CPU address: a debugger
+            // cannot access the other areas.
             let has_cpu = device.areas.iter().any(|area| area.cpu.is_some());
             for area in scope.areas.iter().filter(|area| area.cpu.is_some() || !has_cpu) {
                 if area.structures.is_empty() {
@@ -83,7 +84,8 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes
         xml.leaf("alternatePeripheral", alternative);
     }
     xml.leaf("groupName", area.name);
-    // Without a CPU address, the address is the number of the byte in the image, which differs for each area.
+    // An area without a CPU address gets the number of its first byte in the image as its address. This number differs
+    // for each area.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
     xml.leaf("baseAddress", format!("0x{base:08X}"));
     xml.node("addressBlock", "", |xml| {

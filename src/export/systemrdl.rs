@@ -8,7 +8,8 @@ use super::text;
 use crate::layout::{Area, AreaStructure, BitField, Meaning, Owner, Register, Role, ValueMeaning};
 use std::fmt::Write;
 
-/// Words that SystemRDL 2.0 uses or reserves (section 4.4). A backslash makes a name of such a word (section 4.3).
+/// Words that SystemRDL 2.0 uses or reserves (section 4.4). With a backslash in front, such a word is a name (section
+/// 4.3).
 const KEYWORDS: &str = "abstract accesstype addressingtype addrmap alias all alternate bit boolean bothedge byte compact component \
     componentwidth constraint default encode enum external false field fullalign hw inside int internal level longint mem na \
     negedge nonsticky number onreadtype onwritetype posedge precedencetype property r rclr real ref reg regalign regfile rset \
@@ -204,7 +205,8 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
     let _ = writeln!(out, "    }} {name}{array} @ 0x{:X};", offset - start);
 }
 
-/// Some names of bits are reserved, so they have a prefix: `f_enable`.
+/// Returns the name of a field with the prefix `f_`, for example `f_enable`, because some names of bits are reserved
+/// words.
 fn field_name(field: &BitField) -> String {
     format!("f_{}", upper(field.name).to_lowercase())
 }

@@ -44,8 +44,8 @@ pub(crate) fn folder(scope: &Scope) -> String {
         .map_or_else(String::new, |path| format!(", device {} in the folder {path}", scope.device.name))
 }
 
-/// Returns the path of the device's folder. `?` replaces each character that could end a comment or a word of a shell,
-/// for which a shell then finds the folder.
+/// Returns the path of the device's folder. `?` replaces each character that could end a comment or a word of a shell.
+/// A shell that expands the `?` still finds the folder.
 fn path(scope: &Scope) -> Option<String> {
     let plain = |sign: char| match sign {
         '.' | '/' | '_' | '-' | '+' | '@' | '~' => sign,
@@ -55,8 +55,8 @@ fn path(scope: &Scope) -> Option<String> {
     scope.folder.as_ref().map(|path| path.chars().map(plain).collect())
 }
 
-/// Returns a file in C or C++. It is the same for all devices, except for the name of the device in its head. `rest` is
-/// the rest of the first comment.
+/// Returns a file in C or C++. The file is the same for all devices, except for the name of the device in the first
+/// comment. `rest` is the text that follows the name in this comment.
 pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
     let head = banner(scope, format).iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
     format!("/*\n{head}{rest}")
@@ -69,7 +69,7 @@ pub(crate) fn command(scope: &Scope, format: &str) -> String {
     format!("commram export {format} --device {device}{block}")
 }
 
-/// Returns the decisions from which names of areas follow; `None` if all names come from the manual.
+/// Returns the decisions that define names of areas; `None` if all names come from the manual.
 pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
     let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))

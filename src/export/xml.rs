@@ -33,7 +33,8 @@ impl Xml {
 
     /// Writes an XML comment.
     pub(crate) fn comment(&mut self, text: &str) {
-        // A second replacement, because the first one finds only one pair in `---`.
+        // An XML comment must not contain `--`. The first replacement changes only one pair in `---`, so a second one
+        // follows.
         let text = text.replace("--", "- -").replace("--", "- -");
         self.line(&format!("<!-- {text} -->"));
     }

@@ -30,7 +30,8 @@ impl Entry {
         let FaultStatus { id, fault, .. } = self.status;
         let kind = fault.kind();
         let record = FaultNews { target: fault.target(), id, kind: kind.number(), news };
-        // The journal has the names of commram's kinds, but not of a kind that a folder declares.
+        // A reader of the journal knows the names of commram's own kinds, but not the name of a kind that a device
+        // folder declares. So the record contains this name.
         let name = kind.declaration().map(|_| kind.name().as_bytes());
         journal.push_octets(now, record, name);
     }
@@ -58,8 +59,8 @@ struct SavedFault {
 
 impl SavedFault {
     fn of(entry: &Entry) -> Self {
-        // Fields that are not saved: the effect and the owner follow from the fault, and `done` is false between two
-        // events.
+        // The snapshot does not have the effect and the owner, because they follow from the fault. It does not have
+        // `done`, because this field is false between two events.
         let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
         let FaultStatus { id, fault, acting, hits } = *status;
         let (index, number) = fault.target().numbers();
@@ -142,8 +143,8 @@ impl Faults {
         self.next.unwrap_or(NEVER)
     }
 
-    /// Adds a fault that `owner` applies, and returns the number of the fault. The fault begins with the next call of
-    /// [`Faults::advance`].
+    /// Adds a fault, which the bus or device `owner` applies, and returns the number of the fault. The fault begins
+    /// with the next call of [`Faults::advance`].
     ///
     /// # Errors
     /// [`Refusal::TooMany`].

@@ -19,7 +19,7 @@ pub const MAX_PARTICIPANT: u8 = 31;
 pub(crate) const FIRST_DECLARED: u8 = 100;
 /// Maximum number of kinds that a device in a folder declares.
 pub(crate) const MOST_DECLARED: usize = 16;
-/// Maximum number of bits of all values of a declared kind. The operation needs the other bits for
+/// Maximum number of bits of all values of a declared kind. The operation of the channel needs the other bits for
 /// [`Declaration::id`].
 pub(crate) const DECLARED_BITS: u32 = MAX_BITS - u32::BITS;
 
@@ -138,13 +138,14 @@ impl FaultKind {
         }
     }
 
-    /// Limits the kind to ports to buses of these families. If a device has only one such port, `node` may be omitted.
+    /// Limits the kind to ports that connect to buses of these families. If a device has only one such port, `node` may
+    /// be omitted.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
         FaultKind { families, ..self }
     }
 
-    /// Gives the kind its own fields, [`MAX_FIELDS`] at most. The values are at most 32 bits wide.
+    /// Adds the fields that only this kind has, at most [`MAX_FIELDS`]. The values are at most 32 bits wide.
     ///
     /// # Panics
     /// If the values do not fit into an operation of the channel. Kinds are constants, so the compiler reports this
@@ -163,8 +164,8 @@ impl FaultKind {
         FaultKind { fields, ..self }
     }
 
-    /// Creates a kind without hits that a device in a folder declares; it acts on this device. The caller has checked
-    /// the fields against [`MAX_FIELDS`] and [`DECLARED_BITS`].
+    /// Creates a kind without hits that a device in a folder declares; it acts on this device. The caller must have
+    /// checked that the fields do not exceed [`MAX_FIELDS`] and [`DECLARED_BITS`].
     pub(crate) fn declared(
         index: u8,
         declaration: Declaration,
@@ -189,19 +190,21 @@ impl FaultKind {
         FaultKind { example, ..self }
     }
 
-    /// Makes a fault of the kind occur once if its description has neither `count` nor `duration_us`.
+    /// Sets the default end: a fault of this kind ends after one hit if its description has neither `count` nor
+    /// `duration_us`.
     #[must_use]
     pub const fn once(self) -> Self {
         FaultKind { happens_once: true, ..self }
     }
 
-    /// Makes the kind a condition without hits. Faults of the kind cannot end by `count`.
+    /// Makes the kind a permanent condition that does not hit single frames or events. So a fault of the kind has no
+    /// `count`.
     #[must_use]
     pub const fn without_hits(self) -> Self {
         FaultKind { has_hits: false, ..self }
     }
 
-    /// Gives the kind a check that the values of a fault agree with each other.
+    /// Sets a function that checks whether the values of a fault fit together.
     #[must_use]
     pub const fn agreeing(self, agree: fn(&Fault) -> Result<(), String>) -> Self {
         FaultKind { agree, ..self }
@@ -213,7 +216,7 @@ impl FaultKind {
         self.number
     }
 
-    /// Returns the families of buses to which the ports belong on which this kind acts.
+    /// This kind acts only on ports to buses of certain families. Returns the names of these families.
     pub(super) const fn families(&self) -> &'static [&'static str] {
         self.families
     }
@@ -248,8 +251,8 @@ impl FaultKind {
         self.example
     }
 
-    /// True if a fault occurs once if its description has neither `count` nor `duration_us`. Faults of all other kinds
-    /// then last until they are cleared.
+    /// The default end of a fault whose description has neither `count` nor `duration_us`: true if the fault ends after
+    /// one hit, false if it lasts until it is cleared.
     #[must_use]
     pub const fn happens_once(&self) -> bool {
         self.happens_once
@@ -266,7 +269,7 @@ impl FaultKind {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
     }
 
-    /// Checks that the values agree with each other.
+    /// Checks that the values of a fault fit together.
     pub(super) fn agree(&self, fault: &Fault) -> Result<(), String> {
         (self.agree)(fault)
     }

@@ -27,7 +27,7 @@ pub enum Target {
     Device(DeviceIndex),
 }
 
-/// Device or bus that applies a fault: the target itself, or the bus or device to which the target belongs.
+/// Device or bus that applies a fault. It is the target of the fault, or the bus or device to which the target belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
@@ -139,8 +139,8 @@ impl Sites {
                         known.name
                     )));
                 }
-                // The port's firmware applies the fault if its kinds include the fault's kind. If not, the bus must
-                // apply it.
+                // The firmware of the port applies the fault if the kind is one of its own kinds. If not, the bus must
+                // apply the fault.
                 if !site.faults.contains(&fault.kind()) {
                     self.bus(bus, fault)?;
                 }

@@ -11,7 +11,8 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
 
 impl FaultSpec {
-    /// Returns the described fault, in an installation with these names. The fault must be of one of these kinds.
+    /// Returns the fault of this description as a checked fault, in an installation with these `names`. Only `kinds`
+    /// are accepted.
     ///
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
@@ -38,7 +39,8 @@ impl FaultSpec {
         let device = device.map(|index| names.device(DeviceIndex::at(index)).name);
         let same = kinds.iter().copied().filter(|kind| kind.name() == first.name());
         let mut declared = same.filter(|kind| kind.declaration().map(|it| it.device) == device);
-        // A process may have read several versions of a folder; the last one is the present one.
+        // A process may have read several versions of a device folder. The kind that was declared last belongs to the
+        // present version.
         Some(declared.next_back().filter(|_| device.is_some()).unwrap_or(first))
     }
 }
@@ -252,7 +254,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Returns the name of a port in the description of a fault. If the name is a number, the value is a number.
+/// Returns the name of a port in the description of a fault. A name that consists of digits becomes a number.
 pub(super) fn port_given(port: &Port) -> FieldValue {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
         FieldValue::Number(port.number.0.into())

@@ -236,16 +236,16 @@ impl Federation {
         Ok(())
     }
 
-    /// Processes messages of the federate that has the turn, and advances the clock when all turns are over. In this
-    /// federate's own turn it only detects that another federate has ended.
+    /// Processes messages of the federate that has the turn, and advances the clock when all turns are over. During
+    /// this federate's own turn, the call only detects that another federate has ended.
     ///
     /// # Errors
     /// [`FederationError`].
     pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
         let mut news = FederationEvent::Nothing;
         self.show_life()?;
-        // If the clock has reached the time that a client has requested, the client gets its answer before later
-        // messages are processed.
+        // The loop stops when the clock has advanced and it is this federate's turn. So a client that waits for the
+        // reached time gets its answer before later messages are processed.
         while !(news == FederationEvent::Moved && self.is_own_turn()) {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;
@@ -341,8 +341,9 @@ impl Federation {
 
     /// Called in this federate's turn. Collects what programs have stored since the last call.
     fn gather(&mut self, plant: &Plant) {
-        // A program first stores registers, then sends a request to a board. So stores are collected after the
-        // requests, and sent before them.
+        // A program first stores registers, then sends a request to a board. If the stores were collected first, the
+        // stores before a new request could be missed. So the requests are collected first, but the stores are sent
+        // before them.
         let asked = plant.deliver_board_requests();
         self.gather_registers(plant);
         self.inputs.extend(asked.into_iter().map(Input::Stored));
@@ -362,8 +363,8 @@ impl Federation {
                 Input::Op(bytes) => {
                     let op =
                         Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { federate })?;
-                    // If the federate that has sent the operation has refused it, this federate refuses it, too.
-                    // So the result is ignored.
+                    // The result is ignored: if the operation is refused here, the federate that sent it has refused
+                    // it, too, and has reported the error.
                     let _ = Execution::default().run(host, &op);
                 }
                 Input::Boards => {
@@ -408,7 +409,8 @@ impl Federation {
     }
 }
 
-/// Describes a difference between plants, without the remedy for snapshots.
+/// Describes a difference between plants. The message of a snapshot error also names a remedy, which does not apply to
+/// federates and is left out.
 fn describe_difference(why: SnapshotError) -> String {
     match why {
         SnapshotError::OtherSettings { what } => format!("its plant file has another setting of {what}"),

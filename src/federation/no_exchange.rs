@@ -2,7 +2,8 @@
 
 use super::Exchange;
 
-/// Exchange of a federate without others: the plant runs on one host and exchanges values with other simulators.
+/// Exchange of a federation that has only one federate: the plant runs on one host and exchanges values with other
+/// simulators.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoExchange;
 

@@ -36,8 +36,8 @@ pub fn is_library(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x7FELF") && bytes.windows(mark.len()).any(|here| here == mark)
 }
 
-/// Makes the archive. `name` is the name of the model in tools, `library` is the shared object. The same plant,
-/// registers and shared object give the same bytes.
+/// Makes the archive. `name` is the name under which tools show the model, and `library` is the shared object. Equal
+/// plants, registers and shared objects give equal bytes.
 ///
 /// # Errors
 /// [`ArchiveError`].

@@ -130,7 +130,7 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     for length in [0, 1, 8, bytes.len() / 2, bytes.len() - 1] {
         assert!(unit.of_bytes(&bytes[..length]).is_err(), "{length}");
     }
-    // Each bit before the snapshot, and some bits after it.
+    // Tests each bit of the data that precede the snapshot, and some bits of the snapshot.
     for at in (0..128).chain((128..bytes.len()).step_by(97)) {
         for bit in (0..8).filter(|bit| at < 128 || *bit == at % 8) {
             let mut bytes = bytes.clone();
@@ -141,8 +141,8 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     }
 }
 
-/// If the data of a state other than its snapshot change, the state needs a new format number. The snapshot has a
-/// separate format number.
+/// A state consists of a snapshot and other data. If the other data change, the state needs a new format number. The
+/// snapshot has its own format number.
 #[test]
 fn a_sample_of_the_state_format_can_be_read() {
     let bytes = sample(&format!("fmu-state-{FORMAT}"), || {
@@ -185,7 +185,7 @@ fn states_of_other_formats_are_refused_by_number_and_version() {
     for (format, version) in [(FORMAT + 1, "0.2.0"), (u16::MAX, "99.0.0"), (FORMAT, "0.0.9")] {
         refused(&with_header(&today, format, version), &format!("commram {version} (state format {format})"));
     }
-    // In format 1 the phase was first, followed by a part with its own checksum.
+    // In format 1, the first byte of a state was the phase. The rest had its own checksum.
     for phase in 0..=3 {
         let inner = seal(unseal(&today).unwrap()[20..].to_vec());
         refused(&seal([vec![phase], inner].concat()), "an older commram (state format 1)");

@@ -12,11 +12,11 @@ use twox_hash::XxHash3_64;
 
 /// First bytes of a state.
 const MAGIC: [u8; 8] = *b"cmrmunit";
-/// Number of the format of a state. A change of [`UnitFields`] increments it; the snapshot in the state has a separate
-/// number. A state of format 1 has neither the magic nor a number. A state of a later format begins with the magic, the
-/// number and the version of commram, and ends with the checksum of [`seal`].
+/// Number of the format of a state. Increment it when [`UnitFields`] change. The snapshot in the state has its own
+/// format number. A state of format 1 has neither the magic nor a number. A state of format 2 or later begins with the
+/// magic, the number and the version of commram, and ends with the checksum of [`seal`].
 pub(super) const FORMAT: u16 = 3;
-/// Highest number of a phase in the first byte of format 1.
+/// Highest number of a phase. In format 1, the first byte of a state was such a number.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
 /// Number of microseconds in a second.
@@ -96,7 +96,8 @@ pub enum UnitError {
 /// State of the unit except its plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct UnitFields {
-    /// Time of the co-simulation at its start, and emulated time at the same moment.
+    /// Start of the co-simulation as time of the co-simulation, in seconds; `start_us` is the emulated time at this
+    /// moment.
     start_s: f64,
     start_us: u64,
     shafts: Shafts,
@@ -262,7 +263,7 @@ impl Unit {
         Ok(())
     }
 
-    /// Returns the findings of the access checker at registers without an earlier finding, a line each.
+    /// Returns the new findings of the access checker, one line for each register that has had no finding before.
     pub fn take_findings(&mut self) -> Vec<String> {
         let findings = self.plant.journal().findings();
         if findings.len() == self.reported_findings {
@@ -300,7 +301,7 @@ impl Unit {
         Ok(())
     }
 
-    /// Encodes a state as bytes, with a number from the caller: the present phase in the life cycle of the unit.
+    /// Encodes a state as bytes. `phase` is a number of the caller: the present phase in the life cycle of the unit.
     #[must_use]
     pub fn to_bytes(&self, state: &UnitState, phase: u8) -> Vec<u8> {
         let mut to = Saving::default();

@@ -149,7 +149,8 @@ pub enum VariablesError {
     Twice(String),
 }
 
-/// Returns the variables of a plant in its present form. The position of a variable in the list is its reference.
+/// Returns the variables of a plant that has its buses, devices and drives already. The position of a variable in the
+/// list is its reference.
 pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variable>, VariablesError> {
     let mut all = vec![Variable {
         name: "time".to_owned(),
@@ -207,7 +208,7 @@ impl Wanted {
                 DeviceIndex::enumerate(&plcs.plcs).filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
             let found: Vec<_> =
                 meant.map(|(index, _)| (index, plcs.devices[index.index()].registers(name))).collect();
-            // Without a PLC as a prefix, the name covers all PLCs that have such registers.
+            // A name without a PLC as its prefix means the registers of all PLCs that have such registers.
             let has_any = found.iter().any(|(_, registers)| registers.is_ok());
             for (index, registers) in found {
                 match registers {

@@ -65,7 +65,8 @@ impl BrokerAddress {
             SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
             SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
         };
-        // To connect a UDP socket sends nothing. The operating system selects the route and the local address.
+        // Connecting a UDP socket sends nothing. It only makes the operating system select the route and the local
+        // address.
         let socket = UdpSocket::bind((any, 0)).ok()?;
         socket.connect(address).ok()?;
         Some(socket.local_addr().ok()?.ip())

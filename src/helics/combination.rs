@@ -1,4 +1,4 @@
-//! A HELICS federate with values and messages, as other simulators use.
+//! A HELICS federate that exchanges values and messages, as other simulators do (a combination federate).
 
 use super::library::{Functions, Object, text};
 use crate::coupling::{Endpoint, Publication, Subscription};
@@ -17,8 +17,8 @@ const WAIT_FOR_CURRENT_TIME_UPDATE: c_int = 10;
 const CONNECTION_REQUIRED: c_int = 397;
 /// Value of HELICS: `HELICS_PROPERTY_TIME_DELTA`.
 const TIME_DELTA: c_int = 137;
-/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`. With these, the library reports problems as errors and
-/// does not print them.
+/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`. With this property and value, the library reports
+/// problems as errors and does not print them.
 const LOG_LEVEL: c_int = 271;
 const NO_PRINT: c_int = -4;
 /// Shortest time between two grants, in seconds.
@@ -206,7 +206,7 @@ impl ValueFederate {
     /// Returns types of the publications that this federate subscribes to.
     pub(super) fn types(&self) -> Vec<String> {
         let of = |input: &Object| {
-            // SAFETY: as above; the text is the input's own.
+            // SAFETY: as above; the text belongs to the input and lives as long as the input.
             let ty = unsafe { (self.functions.type_of)(*input) };
             if ty.is_null() {
                 return String::new();

@@ -122,7 +122,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     for path in candidates {
         match functions(&path) {
             Ok(functions) => return Ok(functions),
-            // Only the first error is kept, because it belongs to the preferred path.
+            // The first path is the preferred one, so the message has the error of this path only.
             Err(error) if reason.is_empty() => reason = error.to_string(),
             Err(_) => {}
         }
@@ -130,7 +130,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// Skips the exit handlers of the library when this process ends, because they would wait for a call that still runs.
+/// Makes this process end without the exit handlers of the library, because they would wait for a call that still runs.
 pub(super) fn end_without_it() {
     #[cfg(target_env = "gnu")]
     {
@@ -141,7 +141,7 @@ pub(super) fn end_without_it() {
             // SAFETY: the call ends the process. Rust has written all of its output before.
             unsafe { libc::_exit(status) }
         }
-        // SAFETY: the function is there as long as the process, and needs no argument.
+        // SAFETY: the function exists as long as the process runs, and needs no argument.
         unsafe { on_exit(end, core::ptr::null_mut()) };
     }
 }

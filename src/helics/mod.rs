@@ -131,7 +131,7 @@ impl Joining {
         self.is_done.store(true, Ordering::Release);
     }
 
-    /// Description of the missing part after the limit, if the federation was not joined yet.
+    /// If the limit is over and the federation is not yet joined, describes the missing part.
     fn missing(&self) -> Option<String> {
         if self.is_done.load(Ordering::Acquire) {
             return None;
@@ -149,8 +149,8 @@ impl Joining {
         self.broker.addresses().any(greets)
     }
 
-    /// Longest wait for the end of the thread. While the thread joins the federation, it cannot send a message to the
-    /// other federates.
+    /// Longest wait for the thread to send the last message and to end. A thread that is still joining cannot send a
+    /// message, so there is no wait for it.
     fn farewell(&self) -> Duration {
         if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
     }

@@ -11,7 +11,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
-/// Time by which the HELICS core gives up a wait earlier than the emulator.
+/// Time by which the HELICS core gives up a wait earlier than the emulator does.
 const SOONER: Duration = Duration::from_secs(1);
 /// Types of publications that the plant can subscribe to.
 const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
@@ -131,8 +131,8 @@ fn talk(
 }
 
 impl HelicsConfig {
-    /// True if all federates except the hosts of the plant have left the federation. False if the plant was alone from
-    /// the start.
+    /// True if all federates except the hosts of the plant have disconnected. False if there has been no other
+    /// simulator since the start.
     fn is_alone(&self, federate: &ValueFederate, plant: &str, had_company: &mut bool) -> bool {
         let Some(federates) = federate.federates() else { return false };
         let is_own = |name: &str| name == plant || (0..self.count).any(|host| *name == self.name_of(host));

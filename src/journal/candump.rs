@@ -27,7 +27,7 @@ impl Candump {
     }
 }
 
-/// Returns a name that contains the number of the bus and that no other bus has.
+/// Returns a name that contains the number of the bus. No other bus has this name.
 fn number(index: usize, others: &[String]) -> String {
     let mut name = format!("bus{index}");
     while others.contains(&name) {

@@ -23,9 +23,9 @@ event_kinds! {
 }
 
 impl Changed {
-    /// Returns the change of the register of this `width` at `offset` of device `plc`. It may be only a part of the
-    /// changed register, because structures can overlay each other with different widths. `None` if this part has not
-    /// changed.
+    /// Returns the change of the register of this `width` at `offset` of device `plc`. Structures with registers of
+    /// different widths can overlay each other, so this register may be only a part of the changed one. Returns `None`
+    /// if this part has not changed.
     #[must_use]
     pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<Changed> {
         let place = offset.checked_sub(self.offset)?;

@@ -49,7 +49,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Creates the words of an event of this kind, still without fields. `index` and `number` are the location of
+    /// Creates the words of an event of this kind. The fields are added later. `index` and `number` are the location of
     /// the event.
     #[inline]
     pub fn new(kind: &EventKind, index: u16, number: u8) -> Self {

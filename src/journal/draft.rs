@@ -41,7 +41,8 @@ impl Draft {
 }
 
 impl Journal {
-    /// Creates a draft. No register may be followed in the journal.
+    /// Creates a draft for one core. The journal must not follow any register, because a draft does not compare
+    /// registers.
     pub(crate) fn draft() -> Self {
         Journal { draft: Some(Box::default()), ..Journal::new(1) }
     }

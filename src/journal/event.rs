@@ -54,7 +54,8 @@ pub enum Source {
 }
 
 impl Source {
-    /// Indices of devices from this number on mean buses: index minus this number. Only findings on a bus use them.
+    /// An index of at least this number means a bus: subtract this number to get the index of the bus. Only findings on
+    /// a bus have such an index.
     pub(super) const BUSES: u16 = 1 << 15;
 
     /// Returns the device with this index, or the bus.
@@ -74,9 +75,9 @@ impl Source {
 pub enum Keeping {
     /// The event has a separate record.
     Noted,
-    /// The event is in one record together with equal events at equal distances.
+    /// Equal events at equal distances in time share one record.
     Counted,
-    /// The event has a separate record. It is a request, and the records of its answers contain the latency.
+    /// The event is a request and has its own record. The records of its answers contain the time since the request.
     Request {
         /// Index of the device.
         plc: DeviceIndex,
@@ -85,7 +86,7 @@ pub enum Keeping {
         /// Value that was written.
         value: u32,
     },
-    /// The event is counted as in `Counted`. If it answers a request, it has a separate record.
+    /// An event that answers a request has its own record. Otherwise, the event is counted as in `Counted`.
     Answer {
         /// Index of the device.
         plc: DeviceIndex,
@@ -96,8 +97,8 @@ pub enum Keeping {
         /// The present value of the register, if more answers to this request will follow.
         pending_value: Option<u32>,
     },
-    /// The event has a separate record, and ends all counts: their records come first. The event may be the answer to a
-    /// command.
+    /// The event has its own record. It ends all running counts, and their records are written before its own. The
+    /// event may be the answer to a command.
     State {
         /// Index of the device.
         plc: DeviceIndex,

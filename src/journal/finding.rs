@@ -18,8 +18,8 @@ pub(super) fn note(text: &str) -> String {
     text.replace(|letter: char| letter.is_control(), " ")
 }
 
-/// Number of the first participant in findings on a bus. A participant's number is added to this value, so that it
-/// differs from the numbers of guests.
+/// Base of participants' numbers in findings on a bus. A participant's number is added to this base, so that the sum
+/// differs from all numbers of guests.
 const PARTICIPANTS: u32 = 0x100;
 
 /// A rule was broken at a register.
@@ -118,7 +118,7 @@ impl Finding {
     }
 
     /// Creates the finding that participant `number` of bus number `bus` has broken a rule. Such a finding has no
-    /// register; texts show its value as a decimal number.
+    /// register. Its value is shown as a decimal number.
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: BusIndex, number: u8, value: u32) -> Self {
         let (plc, offset) = (DeviceIndex(Source::BUSES | bus.number()), PARTICIPANTS | number as u32);

@@ -3,7 +3,7 @@
 use super::{Finding, Rule, Severity};
 use std::sync::Arc;
 
-/// Maximum number of pairs of rule and register that are counted separately.
+/// Maximum number of entries for a single register: each counts the findings of one rule at one register.
 pub const MAX_ENTRIES: usize = 256;
 /// Longest note of a finding in bytes.
 pub const LONGEST_NOTE: usize = 200;
@@ -63,13 +63,14 @@ pub struct Findings {
     entries: Vec<Entry>,
     /// Number of records of each entry, in the order of the entries.
     records: Vec<u8>,
-    /// One entry for each rule that has run out of room.
+    /// Entries for several registers: one for each rule that was broken at further registers when `entries` was full.
     further: Vec<Entry>,
 }
 
 impl Findings {
-    /// Counts a finding. Returns whether it becomes a record of the journal: a new rule or register, or another value
-    /// than last time. So a program that repeats an error in every interval does not fill the journal.
+    /// Counts a finding. Returns true if the finding must become a record of the journal, because its rule or register
+    /// is new, or its value differs from the last finding. So a program that repeats an error in every interval does
+    /// not fill the journal.
     pub fn add(&mut self, time_us: u64, finding: Finding, note: Option<&str>) -> bool {
         if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding, note)) {
             let (entry, records) = (&mut self.entries[index], &mut self.records[index]);

@@ -1,4 +1,4 @@
-//! The running hash over all events: equal hashes prove that two runs are the same run.
+//! The running hash over all events. Two runs with equal hashes are the same run.
 //!
 //! The hash must distinguish runs that differ in a few single bits, for example after one wrong step of an emulator.
 //! With hashes for hash tables, two such differences can cancel each other. XXH3 multiplies parts of a block with each

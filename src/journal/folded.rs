@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// event.
 ///
 /// Frames, telegrams, SYNC edges, and handshakes that do not answer a request of the channel are cyclic. Records with
-/// the same source and the same text up to the first `: ` form a group. The text after `: ` is regarded as values,
+/// the same source and the same text up to the first `: ` form a group. The text after the first `: ` counts as values,
 /// which may differ within a group.
 pub(crate) struct Folded {
     text: Text,

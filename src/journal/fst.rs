@@ -32,7 +32,8 @@ pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     let mut header = FstHeaderWriter::write_to_mem(&info)?;
     let signals = define(waves, &lengths, &mut header)?;
     let mut body = header.finish()?;
-    // Repeated events must not be removed as duplicates. Other signals contain no repetitions.
+    // The library can remove repeated values of a signal. It must not do so, because each event counts even if it
+    // repeats. The other signals have no repeated values.
     body.set_deduplicate(false);
     for Change { time_us, signal, content } in &waves.changes {
         let Some(Some(id)) = signals.get(*signal) else { continue };

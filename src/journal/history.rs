@@ -1,10 +1,11 @@
-//! Changes of followed registers, and where they are stored.
+//! Finds the changes of followed registers and stores them.
 //!
 //! Plain RAM cannot trap accesses, so registers are compared with their previous values. A comparison before each poll
 //! of the firmware finds writes of a program, and a comparison after each event of the firmware finds writes of the
-//! firmware. Another comparison follows each write through the channel. The firmware's own reports of registers count
-//! as well: they show a request that was answered between two comparisons. If a program makes several writes between
-//! two polls, their order is not known. The changes are then reported in the order of their addresses.
+//! firmware. Another comparison follows each write through the channel. The firmware also reports some registers that
+//! it writes. Such a report shows a request even if the request was answered between two comparisons. If a program
+//! makes several writes between two polls, their order is not known. The changes are then reported in the order of
+//! their addresses.
 //!
 //! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go to
 //! a bounded list with separate numbers. Observers (clients that only observe, for example a view) read that list, so
@@ -60,7 +61,7 @@ pub struct Stored {
     pub now: u32,
 }
 
-/// Access of comparisons to the RAM of devices.
+/// The RAM of the devices, as the comparisons need it.
 pub(crate) trait Rams {
     /// Returns the value of a register of device `plc`.
     fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32>;
@@ -130,7 +131,8 @@ impl History {
 
     /// True if the changes of a register are in the journal.
     pub(super) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
-        // The last register that begins at the offset or before it, because a wider register can contain the offset.
+        // Finds the last register that begins at this offset or at a lower one: a wider register can contain the
+        // offset.
         let at = self.find(plc, offset).map_or_else(|next| next.checked_sub(1), Some);
         let register = at.and_then(|at| self.followed.get(at)).filter(|it| it.plc == plc);
         register.is_some_and(|it| it.in_journal && offset < it.offset + it.width.bytes())
@@ -165,7 +167,7 @@ impl History {
         self.followed.is_empty()
     }
 
-    /// Follows a register for a client from now on; `false` if too many are.
+    /// Follows a register for a client from now on. Returns `false` if too many registers are followed already.
     pub(super) fn follow(
         &mut self,
         client: u128,
@@ -208,7 +210,7 @@ impl History {
         true
     }
 
-    /// True if a client may follow this register: a client may follow at most as many registers as remain free for
+    /// True if a client may follow this register. A client may follow at most as many registers as then remain free for
     /// other clients.
     fn has_room_for(&mut self, client: u128, place: (DeviceIndex, u32), now: Instant) -> bool {
         let has_room = |this: &Self| {
@@ -244,8 +246,9 @@ impl History {
         }
     }
 
-    /// Called when the plant has moved to another moment. Observers receive the differences as changes; the journal
-    /// does not. The next comparison still finds what programs have written since the last comparison.
+    /// Called when the plant has moved to another moment of emulated time, for example back to an earlier one.
+    /// Observers receive the differences as changes; the journal does not. The next comparison still finds what
+    /// programs have written since the last comparison.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;
         if *is_searching {
@@ -410,7 +413,7 @@ mod tests {
         assert!(kept_changes(&mut history).is_empty());
     }
 
-    /// The snapshot was taken after a program had written and before the next comparison.
+    /// The plant goes back to a snapshot that was taken between a program's write and the next comparison.
     #[test]
     fn a_return_to_a_snapshot_is_not_a_write() {
         let (rams, mut history) = (Loose::default(), History::new());
@@ -476,8 +479,8 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // With a stepped clock a long time may pass without a comparison. Then the next request drops the
-        // registers that no client requests any more.
+        // With a stepped clock, a long real time may pass without a comparison. So a request, too, drops the registers
+        // that no client has requested for a while.
         history.follow(0, DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         history.follow(0, DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);
@@ -495,8 +498,8 @@ mod tests {
         assert!(!history.follow(0, DeviceIndex(1), 0, Width::Byte, Keep::InJournal, &rams));
     }
 
-    /// Even if a client follows many registers, other clients can follow registers, and the client itself can follow
-    /// more registers after some time.
+    /// A client that follows many registers leaves room for other clients. After some time it can follow further
+    /// registers itself.
     #[test]
     fn a_client_leaves_registers_to_others() {
         let (rams, mut history) = (Loose::default(), History::new());

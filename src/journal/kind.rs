@@ -22,7 +22,7 @@ pub enum Ring {
     Registers,
     /// Missed deadlines and injected faults.
     Missed,
-    /// All events that are rare in a run without errors.
+    /// Events that are rare in a run without errors.
     Rare,
     /// Changes of followed registers.
     History,
@@ -33,12 +33,12 @@ impl Ring {
     pub(super) const ALL: [Ring; RINGS] =
         [Ring::Traffic, Ring::Registers, Ring::Missed, Ring::Rare, Ring::History];
 
-    /// Capacity of this ring, if the other rings can have `capacity` records each.
+    /// Maximum number of records in this ring, for a journal whose rings have `capacity` records each by default.
     #[inline]
     pub(super) fn share(self, capacity: usize) -> usize {
         match self {
-            // This ring is empty unless a client follows registers. The memory of this ring is in addition to that of
-            // the other rings.
+            // Half of the capacity, because the memory of this ring is in addition to that of the other rings. The ring
+            // is empty unless a client follows registers.
             Ring::History => (capacity / 2).max(1),
             _ => capacity,
         }

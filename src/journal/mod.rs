@@ -118,8 +118,8 @@ pub trait Format<Out = String> {
     /// Appends the record to `out`, if the format can express it.
     fn record(&mut self, record: &Record, out: &mut Out);
 
-    /// Takes note of a record without writing it: the text of later records may depend on the state that the record
-    /// shows.
+    /// Updates the state of the writer from a record that is not written: the text of later records may depend on the
+    /// phase that this record shows.
     fn skip(&mut self, record: &Record);
 
     /// Appends a note that `lost` records are missing here. Returns false if the format cannot express this.
@@ -144,11 +144,11 @@ pub struct Journal {
     history: History,
     history_id: HistoryId,
     phases: PhaseLog,
-    /// Number of the first possible record: 0, or the number that the snapshot had reached from which the journal
-    /// continues.
+    /// Lowest number that a record can have: 0, or, after a restore, the number that the journal in the snapshot had
+    /// reached.
     base: u64,
-    /// Emulated time in microseconds of the first possible record: 0, or the time of the snapshot from which the
-    /// journal continues.
+    /// Earliest emulated time that a record can have, in microseconds: 0, or, after a restore, the time of the
+    /// snapshot.
     since_us: u64,
     /// Reports that are not merged yet; `Some` if this journal is a draft, which only collects reports.
     draft: Option<Box<Draft>>,
@@ -184,7 +184,7 @@ impl Journal {
         self.push_octets(time_us, event, None);
     }
 
-    /// Writes the event of a telegram with its octets as they were on the line, or an event with its text. `octets` is
+    /// Writes an event with octets: those of a telegram as they were on the line, or those of a text. `octets` is
     /// `None` if the event itself contains all octets.
     #[inline]
     pub fn push_octets<T: EventText>(&mut self, time_us: u64, event: T, octets: Option<&[u8]>) {
@@ -299,7 +299,7 @@ impl Journal {
         let event = Event::from(Found::from(finding));
         self.witness(time_us, event);
         if let Some(note) = note {
-            // The words of a finding have no room for the sum of its note.
+            // The words of a finding have no room for the hash of its note, so the hash is added as separate words.
             self.fingerprint.add(time_us, [0, XxHash3_64::oneshot(note.as_bytes()), 0]);
         }
         if self.findings.add(time_us, finding, note) {
@@ -334,7 +334,8 @@ impl Journal {
 
     #[cold]
     fn note_state(&mut self, time_us: u64, event: Event, plc: DeviceIndex, command: u32) {
-        // Events that were counted up to now belong to the previous state, so their records come first.
+        // The counted events belong to the previous state of the port, so their records are written before the record
+        // of the new state.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
         if let Some(State { origin: port, live, .. }) = event.get() {
             self.phases.entered(self.ring.end(), PortPhase { port, live });
@@ -344,7 +345,7 @@ impl Journal {
     }
 
     /// Passes the time to the journal, so that the journal writes ended counts even if there are no events. Must be
-    /// called at regular emulated times.
+    /// called at regular intervals of emulated time.
     #[inline]
     pub fn tick(&mut self, now_us: u64) {
         if now_us >= self.next_look {

@@ -38,8 +38,8 @@ impl Names {
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
-    /// Returns the name of a port; `port3` if it has none. Number 0, the device itself, has the name of its separate
-    /// interface.
+    /// Returns the name of a port; `port3` if it has none. For number 0, which means the device itself, returns the
+    /// name of the interface that the device has outside of its ports.
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
         let device = self.device(origin.plc);
         match (origin.node, device.port_numbered(origin.node)) {

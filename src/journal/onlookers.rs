@@ -1,8 +1,9 @@
 //! The clients that follow registers without records in the journal.
 //!
-//! A client may follow at most as many registers as it leaves to the other clients, so that no client takes all of
-//! them. If a client requests more, the journal releases registers that this client has not requested again for a
-//! while. It then also releases all registers of clients that have requested nothing for a while.
+//! The number of followed registers is limited. A client may follow at most as many as it leaves to the other clients,
+//! so that no client takes all of them. If a client requests more, the journal releases registers that this client has
+//! not requested again for a while. It then also releases all registers of clients that have requested nothing for a
+//! while.
 
 use super::history::GONE;
 use crate::identity::DeviceIndex;

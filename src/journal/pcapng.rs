@@ -13,7 +13,7 @@ pub use write::Pcapng;
 const SECTION: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
 const PACKET: u32 = 6;
-/// Block types of packets in files of older programs. The simple packet has no time.
+/// Block types of packets in files of older programs: the old packet, and the simple packet, which has no time.
 const OLD_PACKET: u32 = 2;
 const TIMELESS_PACKET: u32 = 3;
 

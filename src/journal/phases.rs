@@ -30,7 +30,8 @@ struct PhaseChange {
 pub(super) struct PhaseLog {
     /// Phases before the first entry of `changes`. Ports that are missing here are in their first phase.
     begin: BTreeMap<Origin, RegisterPhase>,
-    /// Number of the first record with known phases: records from this number on follow `begin`.
+    /// Number of the first record for which the phases are known. At this record, the ports are in the phases of
+    /// `begin`.
     known_from: u64,
     /// Changes in the order of their numbers.
     changes: VecDeque<PhaseChange>,
@@ -77,7 +78,7 @@ impl PhaseLog {
         phases.into_iter().map(|(port, live)| PortPhase { port, live }).collect()
     }
 
-    /// True if a port changed its phase in the records from number `from` up to `end`, excluding `end`.
+    /// True if a port changed its phase in one of the records with the numbers `from..end`.
     pub(super) fn has_change_in(&self, from: u64, end: u64) -> bool {
         let first = self.changes.partition_point(|change| change.seq < from);
         self.changes.get(first).is_some_and(|change| change.seq < end)
@@ -144,7 +145,7 @@ mod tests {
     fn a_return_drops_the_later_changes() {
         let mut log = PhaseLog::new(2);
         (0..4).for_each(|seq| log.entered(seq, phase(1, 1 + (seq % 2) as u8)));
-        // Records 0 and 1 are not known, only the phases after them.
+        // The log has dropped the changes at records 0 and 1. It knows only the phases after these records.
         log.continue_at(3, true, [phase(1, 1)].into_iter());
         assert_eq!((before(&log, 3), before(&log, 2)), (vec![(1, 1)], vec![(1, 2)]));
         // The plant enters the state that it had at record 3 once more.

@@ -71,7 +71,7 @@ impl<Out> Printer<Out> {
         self.next
     }
 
-    /// Continues with record number `from` of another history. The states of the ports are then unknown.
+    /// Continues with record number `from` of another run of the plant. The states of the ports are then unknown.
     pub fn turn_to(&mut self, from: u64)
     where
         Out: Default,
@@ -90,7 +90,7 @@ impl<Out> Printer<Out> {
         self.write(record, lost, out)
     }
 
-    /// Executes the first half of [`Printer::print`], in the order of the records' numbers. Returns the number of
+    /// First half of [`Printer::print`]. Must be called in the order of the records' numbers. Returns the number of
     /// records missing before the record, or `None` if the user did not select the record.
     pub(crate) fn admit(&mut self, record: &Record) -> Option<u64> {
         if !record.is_pending() {
@@ -101,13 +101,13 @@ impl<Out> Printer<Out> {
             self.forgetful[record.event.kind().ring() as usize] = false;
         }
         if record.time_us < self.selection.since_us {
-            // Records that are missing here are older than the wanted time.
+            // The missing records are older than the time from which the user wants records, so they are not reported.
             self.lost = 0;
         }
         self.selection.takes(record).then(|| std::mem::take(&mut self.lost))
     }
 
-    /// Executes the second half of [`Printer::print`], in the order of the output. `lost` is the result of the first
+    /// Second half of [`Printer::print`]. Must be called in the order of the output. `lost` is the result of the first
     /// half.
     pub(crate) fn write(&mut self, record: &Record, lost: Option<u64>, out: &mut Out) -> u64 {
         let Some(lost) = lost else {

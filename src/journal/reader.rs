@@ -15,10 +15,11 @@ use std::sync::Arc;
 pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
-    /// True if the phases of all ports are known: from the phases of a record, or because all records since power-on
-    /// are known. Ports without a record are then in their first phase.
+    /// True if the phases of all ports are known. A record contains them, or the reader has had all records since
+    /// power-on. A port without a record is then in its first phase.
     knows_phases: Option<bool>,
-    /// True if a record has had phases. Records then have phases again wherever the reader may not know them.
+    /// True if any record so far has contained phases. If so, later records contain phases wherever the reader may not
+    /// know them.
     gets_phases: bool,
     live: HashMap<Origin, RegisterPhase>,
     /// Octets of the last record.

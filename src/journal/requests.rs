@@ -4,7 +4,7 @@ use crate::identity::DeviceIndex;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of stored requests. A client cannot have more unanswered requests in one node.
+/// Maximum number of stored requests. A node cannot have more unanswered requests.
 const PLACES: usize = 64;
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -57,8 +57,8 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// Ends a request with its answer; returns the time since the request, if it is known. With `pending_value`, later
-    /// answers belong to the same request, and `pending_value` is the present value of the register.
+    /// Ends a request with its answer; returns the time since the request, if it is known. If later answers belong to
+    /// this request, too, `pending_value` is the present value of the register.
     #[inline]
     pub(crate) fn answered(
         &mut self,

@@ -26,7 +26,7 @@ struct StoredOctets {
 }
 
 impl StoredOctets {
-    /// Returns the number of bytes of memory, including the overhead of the allocation: two counters, and a header of
+    /// Returns the number of bytes of memory for these octets. It includes two counters, and the allocator's header of
     /// about the same size.
     fn bytes(&self) -> usize {
         size_of::<Self>() + 4 * size_of::<usize>() + self.octets.len()
@@ -121,7 +121,8 @@ impl Rings {
         }
     }
 
-    /// Takes the records out and leaves empty rings. The rings record new events until the old records are put back.
+    /// Takes the records out of the rings. The empty rings then record new events until the caller puts the old records
+    /// back.
     pub(crate) fn lay_aside(&mut self) -> Self {
         let new = Rings { end: self.end, ..Rings::new(self.capacity) };
         core::mem::replace(self, new)
@@ -219,7 +220,7 @@ mod tests {
     use super::*;
     use crate::identity::BusIndex;
 
-    /// An emulator uses 12 MB of other memory, including its binary, so it stays below 32 MB.
+    /// The target is an emulator below 32 MB. It uses 12 MB for other purposes, including its binary.
     #[test]
     fn full_rings_take_less_than_20_mb() {
         let mut rings = Rings::new(super::super::Journal::DEFAULT_CAPACITY);

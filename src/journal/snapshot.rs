@@ -8,14 +8,16 @@ use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, PortPh
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// A history. Numbers and times of records are comparable only within one history.
+/// A history: the run of a plant between two returns to earlier moments. Numbers and times of records are comparable
+/// only within one history.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct HistoryId {
     /// Number of the history. It is incremented at each return to an earlier moment or to a snapshot, and wraps around
     /// after 65535.
     pub number: u16,
-    /// Number of the first record after the last return. Earlier records belong to the previous history. In a reply to a
-    /// reader that asks for records before the journal's first one, the number of that first record (D-709).
+    /// Number of the first record after the last return. Earlier records belong to the previous history. If a reader
+    /// has asked for records before the journal's first record, the reply contains the number of the journal's first
+    /// record here (D-709).
     pub begin: u64,
 }
 
@@ -132,9 +134,9 @@ impl Journal {
         self.history_id
     }
 
-    /// Returns the history for a reader of the records from number `from` on. If there never were records with this
-    /// number, because the journal continues from a snapshot, the history begins with the first possible record, also
-    /// after a return.
+    /// Returns the history for a reader of the records from number `from` on. A journal that continues from a snapshot
+    /// has no records before that snapshot. If `from` is such a number, the result begins with the first record that
+    /// the journal can have, even if there was a return since then.
     pub(crate) fn history_from(&self, from: u64) -> HistoryId {
         if from < self.base { HistoryId { begin: self.base, ..self.history_id } } else { self.history_id }
     }

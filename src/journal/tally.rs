@@ -1,8 +1,8 @@
 //! Counts events that repeat at equal distances.
 //!
-//! After two equal events, a third event is expected at the same distance. From then on the events are only counted,
-//! until an event is missing or comes early, or the count has lasted a second. The time of each event can be computed
-//! from last time, distance and count, so no information is lost.
+//! After two equal events, the tally expects a third one at the same distance. From the third event on, events are only
+//! counted, until one of them is missing or comes early, or the count has lasted a second. The time of each event can
+//! be computed from last time, distance and count, so no information is lost.
 
 use super::catalogue::Catalogue;
 use super::coded::Words;
@@ -15,7 +15,7 @@ pub(super) const LONGEST_PERIOD_US: u64 = 100_000;
 /// A count becomes a record at the latest after this time, so that programs that follow the journal see it.
 const LONGEST_TALLY_US: u64 = 1_000_000;
 
-/// Number of different events that can be watched; a power of two.
+/// Number of different events that can be counted at the same time; a power of two.
 const PLACES: usize = 128;
 // The index of a place is stored in a byte.
 const _: () = assert!(PLACES <= u8::MAX as usize);
@@ -148,7 +148,8 @@ impl Tally {
                 }
                 Some(watched) if watched.last < oldest => (best, oldest) = (at, watched.last),
                 Some(_) => {}
-                // Places never become empty again, so the event cannot be in a later place.
+                // A place that was used once never becomes empty again. So if this place is empty, the later places are
+                // empty, too.
                 None => {
                     best = at;
                     break;

@@ -205,7 +205,7 @@ fn a_state_knows_how_long_its_command_waited() {
 
 #[test]
 fn many_watched_events_do_not_disturb_the_count() {
-    // The number of distinct events is larger than in a plant, and far larger than the number of places in one group.
+    // There are more distinct events than in a plant, and far more than the places where one event may be stored.
     let mut journal = Journal::default();
     for n in 0..20 {
         for register in 0..60 {
@@ -263,7 +263,8 @@ proptest! {
     }
 }
 
-/// The journal has dropped the records of states and of an end of counting: a reader still knows the structures.
+/// A reader knows the valid structures even if the journal has dropped the records of states, and the record of a count
+/// that has ended.
 #[test]
 fn lost_records_do_not_change_the_names_of_overlaid_registers() {
     use crate::devices::samples::tables::NODES;
@@ -287,7 +288,7 @@ fn lost_records_do_not_change_the_names_of_overlaid_registers() {
         let name = if live == phases::INIT { "node2.b_MA_SL_MODE" } else { "node2.b_CTRLREG_WRC1" };
         expected.push(name);
     }
-    // These records push out the last states, and none of them shows a phase.
+    // These records push the last states out of the ring. None of these records shows a phase.
     (0..3).for_each(|_| journal.push_event(3, Unforce { plc, offset: 1_000_000 }.into()));
     let read = |from| {
         let mut lines = jsonl::Jsonl::new(names(), catalogue());

@@ -1,4 +1,4 @@
-//! The journal as signals over time: content of every waveform format and of plots.
+//! The journal as signals over time. All waveform formats and the plots show these signals.
 //!
 //! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area
 //! with its registers. If a register has a meaning, a second signal shows the meaning as text. Other events are text
@@ -80,7 +80,8 @@ impl Content {
         Content::Bits { width, value, known: u64::MAX }
     }
 
-    /// Returns the data of a frame, its first byte on top; bytes that it does not have are not known.
+    /// Returns the data of a frame as bits. Its first byte is in the highest bits. If the frame has fewer than eight
+    /// bytes, the other bits are unknown.
     fn data(frame: &Frame) -> Self {
         let payload = frame.payload();
         let data = if frame.arbitration().is_remote() { &[][..] } else { payload.data() };
@@ -124,7 +125,7 @@ impl Waves {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }
 
-    /// Does the same as [`Waves::of`], but uses only the events in this window from counted records.
+    /// Does the same as [`Waves::of`], but takes only those events of counted records that are in this window.
     pub(crate) fn within(
         window: Window,
         records: &[Record],
@@ -151,7 +152,7 @@ impl Waves {
             }
         }
         let mut waves = taking.waves;
-        // A counted record comes when its count ends.
+        // A counted record is written when its count ends, so its events are older than those of preceding records.
         waves.changes.sort_by_key(|change| change.time_us);
         waves.drop_repetitions();
         waves
@@ -160,8 +161,9 @@ impl Waves {
     /// Returns the values of a register of this width according to the journal. The register may be a part of a
     /// recorded one.
     pub fn register(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
-        // A signal of this width at the same place comes first, then a recorded one that contains the register. Another
-        // width at the same place belongs to another structure, or to an access of a program.
+        // First choice is a signal of this width at the same offset, second choice a recorded signal that contains the
+        // register. A signal of another width at the same offset belongs to another structure, or to an access of a
+        // program.
         let wider = [offset, offset & !1, offset & !3].into_iter().filter(|at| self.is_recorded(plc, *at));
         let wider = wider.flat_map(|at| [(at, Width::Word), (at, Width::Dword)]);
         let contains = |(at, container): &(u32, Width)| offset + width.bytes() <= at + container.bytes();
@@ -183,7 +185,7 @@ impl Waves {
         };
         let mut values: Vec<_> =
             self.changes_of(|signal| is_signal(signal, found)).filter_map(number).collect();
-        // Each register at this address contains the change. A wider register also changes in its other bytes.
+        // A wider signal also changes when only its other bytes change, so equal values can follow each other.
         values.dedup_by_key(|(_, value)| *value);
         Past { values, is_recorded: self.is_recorded(plc, found.0) }
     }
@@ -247,7 +249,8 @@ struct OverlaidRegister {
     has_meaning: bool,
 }
 
-/// Text beside a register while its memory has a value of another register.
+/// Text that the meaning of a register shows while the memory contains the value of another register, whose structure
+/// is valid.
 const NOT_LIVE: &str = "not_live";
 
 impl WaveCollector {

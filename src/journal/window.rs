@@ -6,7 +6,7 @@
 #[cfg(all(feature = "script", feature = "studio"))]
 const GRAINS: u64 = 4096;
 
-/// A part of emulated time, with the distance of events that a reader distinguishes.
+/// A part of emulated time, and the smallest distance at which a reader can distinguish two events.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window {
     from_us: u64,
@@ -25,9 +25,9 @@ impl Window {
         Window { from_us, to_us, grain_us: to_us.saturating_sub(from_us) / GRAINS }
     }
 
-    /// The events are `count` equal events at intervals of `period_us`, the last one at `last_us`. Returns the times,
-    /// ascending, of the events in the window, the last event before it and the first event after it. No event precedes
-    /// power-on.
+    /// Returns times from a series of `count` equal events at intervals of `period_us`, the last one at `last_us`. The
+    /// result has the events in the window, the last event before the window and the first event after it, in ascending
+    /// order. No event precedes power-on.
     pub(crate) fn times(self, last_us: u64, count: u64, period_us: u64) -> impl Iterator<Item = u64> + use<> {
         let period = period_us.max(1);
         let possible = if period_us == 0 { 1 } else { (last_us / period).saturating_add(1) };

@@ -10,9 +10,9 @@ use core::fmt;
 use core::hash::{Hash, Hasher};
 
 /// A place in the image of a device, with the width of the access. It is printed in the notation of the device
-/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`. If it was made without a device
-/// ([`Width::at`]), or if the device has no address for this place, it is printed as
-/// `WORD at byte 200002 of the image`.
+/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`. It was perhaps made without a device
+/// ([`Width::at`]), or the device has no address for this place. It is then printed as `WORD at byte 200002 of the
+/// image`.
 ///
 /// Two addresses are equal if they mean the same bytes, the same bit and the same width.
 #[derive(Debug, Clone, Copy)]
@@ -111,7 +111,7 @@ impl fmt::Display for Address {
         let Space { letter, segment, unit, .. } = space;
         f.pad(&match bit {
             Some(bit) => {
-                // The number of a bit counts from the first bit of the unit that the address numbers.
+                // Bits are numbered within the unit that the address numbers, for example within a word.
                 let (number, first) = (space.number(offset, unit.width()), space.offset);
                 let inside = (offset - first) % unit.width().bytes();
                 format!("%{letter}X{segment}{number}.{}", u32::from(bit) + 8 * inside)
@@ -187,7 +187,7 @@ impl DeviceLayout {
                 };
                 match spaces().find(has) {
                     Some(space) => (space, digits),
-                    // In `%MX3.2` the bit is missing, and not the segment.
+                    // `%MX3.2` has a segment and a number. So the bit is missing, not the segment.
                     None if single_bit && segment.is_some() => return Err(wrong()),
                     None => return Err(nowhere()),
                 }
@@ -197,7 +197,7 @@ impl DeviceLayout {
         self.within(space, text, number, (width, single_bit))
     }
 
-    /// Returns the place in `space` for `digits`: a number, or a number and a bit.
+    /// Returns the place in `space` of an address with these `digits`: a number, or a number and a bit.
     fn within(
         &'static self,
         space: &'static Space,

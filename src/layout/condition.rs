@@ -23,11 +23,11 @@ pub enum Compare {
 }
 
 impl Compare {
-    /// All comparisons. The position in this list is the number on the channel.
+    /// All comparisons. Requests of the channel name a comparison by its position in this list.
     pub const ALL: [Self; 6] =
         [Self::Equal, Self::NotEqual, Self::Less, Self::LessOrEqual, Self::Greater, Self::GreaterOrEqual];
 
-    /// Notations. Longer notations come first, because shorter notations are their beginnings.
+    /// Notations of the comparisons. A parser tries them in this order, so `<=` must come before `<`.
     const WRITTEN: [(&'static str, Self); 7] = [
         ("==", Self::Equal),
         ("!=", Self::NotEqual),
@@ -92,7 +92,7 @@ impl Test {
         }
     }
 
-    /// True if bits of `value` outside the mask decide the condition, so that it always holds or never holds.
+    /// True if `value` has bits outside the mask that make the condition always true or always false.
     #[must_use]
     pub const fn is_decided(self) -> bool {
         matches!(self.compare, Compare::Equal | Compare::NotEqual) && self.value & !self.mask != 0
@@ -132,8 +132,8 @@ pub enum ConditionError<E> {
 
 impl Condition {
     /// Parses `REG==VALUE` or `REG&MASK==VALUE`. The comparison is `==`, `!=` (or `<>`), `<`, `<=`, `>` or `>=`.
-    /// `place` looks up the register. If the register's type has a sign, the numbers are compared with their signs, but
-    /// not if there is a mask.
+    /// `place` looks up the register. Registers of signed types are compared as signed numbers, except if the condition
+    /// has a mask.
     ///
     /// # Errors
     /// The notation, the register or the value is wrong.

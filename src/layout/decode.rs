@@ -2,7 +2,7 @@
 
 use super::descriptor::{BitField, Meaning, Provenance, RegType, ValueMeaning};
 
-/// Text for the meaning of a value that the manual does not list. It follows the value.
+/// Text that follows a value without a meaning in the manual.
 const NO_MEANING: &str = "no meaning";
 
 /// Formats `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
@@ -11,8 +11,8 @@ pub fn format_value(ty: RegType, value: u32) -> String {
     format!("16#{:0digits$X}", value & ty.mask(), digits = 2 * ty.width() as usize)
 }
 
-/// Returns the meaning of `value` in a register of type `ty`. A plain number is shown as a number. If the manual does
-/// not state the meaning, the decision on it follows: `SYNC mode (D-06)`.
+/// Returns the meaning of `value` in a register of type `ty`. For a plain number, returns the number. If the meaning is
+/// inferred, the number of the decision follows it: `SYNC mode (D-06)`.
 pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32) -> String {
     let value = value & ty.mask();
     let Some(meaning) = meaning else {
@@ -65,7 +65,8 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
 /// Maximum number of values of a range or a field that are compared with a text.
 const MOST_TRIED: u32 = 0xFFFF;
 
-/// Collects the values for which the descriptions of the remaining fields, after `begun`, give `text`.
+/// Collects the values with the description `text`. `begun` is the description of the fields so far; `fields` are the
+/// remaining fields.
 fn add_fields(fields: &'static [BitField], text: &str, begun: &Text, value: u32, found: &mut Vec<u32>) {
     let Some((field, rest)) = fields.split_first() else {
         if begun.text.eq_ignore_ascii_case(text) {
@@ -111,8 +112,8 @@ pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bo
     text.finish()
 }
 
-/// A text that consists of parts. If adjacent parts are based on the same decision, a single reference to this decision
-/// follows them.
+/// A text that consists of parts. If adjacent parts are based on the same decision, the decision is named once, after
+/// the last of these parts.
 #[derive(Default, Clone)]
 struct Text {
     text: String,

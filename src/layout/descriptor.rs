@@ -50,8 +50,8 @@ pub struct DeviceLayout {
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
-    /// The area of the device's own interface, separate from its ports. Where the name of a port can occur, this name
-    /// means the device itself.
+    /// The area of an interface that belongs to the device and not to a port. Where a user can name a port, the name of
+    /// this area means the device itself.
     pub own: Option<&'static Area>,
 }
 
@@ -196,7 +196,8 @@ impl Area {
         self.space.named(self.last())
     }
 
-    /// Returns the numbers in the addresses of the area: of bytes, or of words if the device numbers words.
+    /// Returns the range of numbers that the addresses of the area contain. They number bytes, or words if the device
+    /// numbers words.
     #[must_use]
     pub const fn numbers(&self) -> RangeInclusive<u32> {
         self.space.numbers(self.first, self.last())
@@ -242,7 +243,7 @@ pub struct AreaStructure {
     /// Source of the variable's name.
     pub variable_from: Provenance,
     /// Names of registers of the structure that are not used in this area. Another structure may have registers of
-    /// another width in their place, and only the width of these is valid.
+    /// another width at the same place. Accesses must then use the width of those registers.
     pub unused: &'static [&'static str],
 }
 

@@ -1,4 +1,4 @@
-//! A device and its options: which structures its areas really contain.
+//! A device with its options. The options decide which structures its areas contain.
 
 use super::LayoutError;
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, RegisterPhase, Role};
@@ -30,8 +30,8 @@ impl Fit {
         }
     }
 
-    /// True if the area of such a port contains, or can contain, structures for this role. Structures for any role
-    /// (`None`) are always there.
+    /// True if the area of such a port contains, or can contain, structures for this role. The area always contains
+    /// structures for any role (`None`).
     #[must_use]
     pub fn has(self, role: Option<Role>) -> bool {
         match (self, role) {
@@ -42,8 +42,8 @@ impl Fit {
     }
 }
 
-/// A device, and the known facts about its ports. Names and widths of registers depend on both, because the registers
-/// of a modular PLC depend on the modules in its slots.
+/// A device, and the known facts about its ports. Names and widths of registers depend on the device and on these
+/// facts: in a modular PLC, the module in a slot decides which registers the slot has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
     device: &'static DeviceLayout,
@@ -119,7 +119,7 @@ impl DeviceFit {
         area.structures.iter().filter(move |placed| fit.has(placed.role))
     }
 
-    /// Returns the registers of such a structure, in address order.
+    /// Returns the registers of a structure that [`DeviceFit::placed`] has returned, in address order.
     pub(super) fn registers_of(
         &self,
         area: &'static Area,

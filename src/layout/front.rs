@@ -20,7 +20,7 @@ pub struct FrontWord {
     /// True if the word contains four characters of the text on the device's display. The first character is in the low
     /// byte.
     pub is_text: bool,
-    /// Source of the fact that the device has this word.
+    /// Source that says that the device has this word.
     pub source: Provenance,
     /// Pages of the manual.
     pub page: &'static str,

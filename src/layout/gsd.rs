@@ -9,7 +9,8 @@ pub struct Gsd {
     pub page: &'static str,
     /// Facts about the slave, in the order of the file.
     pub keys: &'static [Key],
-    /// The user's octets of Set_Prm without the chosen parameters.
+    /// The user-specific octets of the service Set_Prm (`User_Prm_Data`), with zeros for the parameters that a user can
+    /// choose.
     pub constants: &'static [u8],
     /// The data that a user chooses.
     pub parameters: &'static [Parameter],
@@ -46,7 +47,7 @@ pub enum Value {
 pub struct Parameter {
     /// The register that shows the parameter, or the first of several such registers.
     pub register: &'static Register,
-    /// Index of the parameter's first octet among the user's octets, from 0.
+    /// Index of the parameter's first octet among the user-specific octets, from 0.
     pub octet: u32,
     /// Number of octets. The high octet comes first.
     pub octets: u32,
@@ -76,7 +77,7 @@ pub struct Bit {
 pub struct Texts {
     /// The register that shows the octet.
     pub register: &'static Register,
-    /// Number of the octet after the header of the device's own diagnosis, from 0.
+    /// Number of the octet in the device-specific diagnosis, counted from 0 after the header of this diagnosis.
     pub octet: u32,
     /// Source of the entries of the file.
     pub from: Provenance,

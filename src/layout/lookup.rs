@@ -8,7 +8,7 @@ use super::name::split_plc;
 use super::register::RegisterRef;
 use super::space::Space;
 
-/// The target of a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000`.
+/// The PLC, address and registers that a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000` means.
 #[derive(Debug, Clone)]
 pub struct Target<'a> {
     /// The PLC before the colon.
@@ -67,8 +67,8 @@ impl DeviceLayout {
         })
     }
 
-    /// Describes the areas before and after byte `offset` of the image. With a space, only areas of this space are
-    /// named.
+    /// Describes the area that precedes byte `offset` of the image and the area that follows it. If `space` is given,
+    /// only areas of this space are considered.
     pub(super) fn areas_around(&'static self, space: Option<&Space>, offset: i64) -> String {
         let wanted = |area: &&Area| space.is_none_or(|space| core::ptr::eq(area.space, space));
         let areas = || self.areas.iter().filter(wanted);
@@ -133,7 +133,7 @@ impl DeviceFit {
         let first = address.offset();
         let end = first + address.width().bytes();
         let mut found: Vec<RegisterRef> = Vec::new();
-        // Begins with the structure of the last phase, because users usually mean this structure.
+        // The structure of the last phase comes first, because users usually mean this structure.
         for placed in self.placed(area).rev() {
             found.extend(
                 self.registers_of(area, placed)
@@ -209,7 +209,7 @@ fn split_bit(name: &str) -> (&str, Option<u32>) {
     let split = name.rsplit_once('.').and_then(|(name, bit)| {
         let bit = bit.strip_prefix("%X").unwrap_or(bit);
         let is_number = !bit.is_empty() && bit.bytes().all(|digit| digit.is_ascii_digit());
-        // A number that is too large becomes a bit that no register has.
+        // A too large number becomes a bit that no register has, so that the error names the bit.
         is_number.then(|| (name, Some(bit.parse().unwrap_or(u32::MAX))))
     });
     split.unwrap_or((name, None))
@@ -239,7 +239,8 @@ mod tests {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(phases::INIT)), ["b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(phases::CYCLIC)), ["b_CTRLREG_WRC1"]);
-        // At addresses beyond the end of INIT only the cyclic structure has registers, in any phase.
+        // This address is after the end of the INIT structure. So even in the phase INIT only the cyclic structure has
+        // a register there.
         assert_eq!(names("%MD3.200052", Some(phases::INIT)), ["a_WR_VALUE[0]"]);
     }
 

@@ -1,8 +1,8 @@
 //! Register maps: generated structs and descriptors, names and addresses of registers.
 //!
-//! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
-//! meanings. The build compiles them into a module `registers` of each device: typed views for the firmware, and
-//! descriptors for all output for people:
+//! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and meanings. The
+//! build compiles them into a module `registers` of each device. It contains typed views for the firmware, and
+//! descriptors that all output for people uses:
 //!
 //! ```
 //! let device = commram::devices::default().layout;

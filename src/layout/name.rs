@@ -16,7 +16,7 @@ use super::register::RegisterRef;
 use std::collections::BTreeSet;
 use unqualified::Split;
 
-/// Splits off the name of a PLC: `line2:node2.w_CPU_CONTROL`.
+/// Splits a name such as `line2:node2.w_CPU_CONTROL` into the name of the PLC, if there is one, and the rest.
 #[must_use]
 pub fn split_plc(text: &str) -> (Option<&str>, &str) {
     match text.split_once(':') {
@@ -224,7 +224,7 @@ impl DeviceFit {
     /// `name` is the complete text, for errors.
     fn named<'a>(&self, block: &Block, path: &'a str, name: &str) -> Result<Found<'a>, LayoutError> {
         let parsed = Path::parse(path)?;
-        // A text without an area is the own name of a register, so it is not replaced.
+        // In a text without an area, the register has its own name already, so nothing is replaced.
         let path = if path == name { parsed } else { parsed.in_block(block) };
         let mut found: Vec<(&'static AreaStructure, &'static Register)> = Vec::new();
         for placed in block.placed() {
@@ -295,7 +295,7 @@ struct Block {
 
 impl Block {
     /// Returns the structures that the name can mean. Cyclic structures, which come last in the layout, are preferred
-    /// and come first here. For an empty slot, these are all structures that the slot could have.
+    /// and come first here. For an empty slot, returns all structures that the slot can have with any module.
     fn placed(&self) -> impl Iterator<Item = &'static AreaStructure> + use<'_> {
         let named = self
             .area

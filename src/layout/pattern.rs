@@ -11,7 +11,7 @@ enum Token {
     Letter(u8),
     /// `*`: any text.
     Any,
-    /// `[0..3]`, `[*]`: an index in this range. First and last value are included.
+    /// `[0..3]`, `[*]`: an index between these two values, including both.
     Index(u32, u32),
 }
 
@@ -68,7 +68,8 @@ impl Pattern {
     /// True if the name of a register matches.
     fn matches(&self, name: &str) -> bool {
         let (mut token, mut rest) = (0, name);
-        // If the text after the last `*` does not match, the comparison continues at this position, one letter later.
+        // Position of the last `*` in the pattern, and the part of the name to which the `*` extends so far. If the
+        // rest does not match, the `*` takes one letter more, and the comparison begins again there.
         let mut retry: Option<(usize, &str)> = None;
         loop {
             let fits = match self.0.get(token) {

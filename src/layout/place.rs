@@ -100,13 +100,14 @@ impl NamedLocation {
         status_of(self.area)
     }
 
-    /// Returns the phase if the register that shows the phase has the value `status`; the last phase if the value is
-    /// not known.
+    /// Returns the phase that the value `status` of the register from [`Place::status`] means. If the value is not
+    /// known, returns the last phase.
     pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
         self.area.phase(status)
     }
 
-    /// Returns the phase in which the device is operated, for uses that do not depend on the present phase.
+    /// Returns the phase in which the device is operated. For callers that do not know the present phase or do not need
+    /// it.
     pub fn last_phase(&self) -> RegisterPhase {
         self.area.phase(None)
     }
@@ -216,7 +217,7 @@ impl NamedLocation {
         self.registers.is_empty() || self.exact(self.last_phase()).is_some()
     }
 
-    /// Writer of the register in phase `live` that is exactly this place.
+    /// Returns the side that writes the register in phase `live`; `None` if the place is not exactly one register.
     pub fn owner(&self, live: RegisterPhase) -> Option<Owner> {
         self.exact(live).map(|register| register.owner())
     }
@@ -230,8 +231,8 @@ impl NamedLocation {
     }
 
     /// Returns the meaning of the value, as the layout describes it. For a place that is not a complete register,
-    /// returns the register that contains it, the registers that it contains, or the meaning of its bit. A place
-    /// without register and an empty slot have special texts.
+    /// returns the register that contains it, the registers that it contains, or the meaning of its bit. If there is no
+    /// register at this place, or the slot is empty, returns a text that says so.
     pub fn meaning(&self, phase: RegisterPhase, value: u32) -> String {
         if self.is_empty {
             return "nothing is plugged in".to_owned();

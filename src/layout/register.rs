@@ -28,8 +28,8 @@ impl RegisterRef {
         self.placed.structure
     }
 
-    /// True if the name `area.register` can also mean another register, because it depends on the unknown role of the
-    /// port.
+    /// True if the name `area.register` is ambiguous: the role of the port, which is unknown, decides which register it
+    /// means.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
         let others = self.area.structures.iter().filter(|placed| !placed.shares_role(self.placed));

@@ -1,4 +1,4 @@
-//! Spaces of addresses: their notation on a device, and their place in the image.
+//! Address spaces of a device: their notation, and their place in the image.
 
 use super::descriptor::{Area, DeviceLayout};
 use super::width::Width;
@@ -62,8 +62,8 @@ impl Unit {
 /// The area of the retain flags. Each plant sets its size.
 #[derive(Debug)]
 pub struct Retain {
-    /// The largest possible range of the flags. It is plain RAM, and not among the device's
-    /// [`areas`](DeviceLayout::areas).
+    /// The range of the flags at their largest size. It is plain RAM, and the device's [`areas`](DeviceLayout::areas)
+    /// do not contain it.
     pub area: Area,
     /// Default number of bytes in a plant.
     pub default_bytes: u32,
@@ -91,7 +91,8 @@ impl Space {
         self.contains(offset).then_some(offset)
     }
 
-    /// Returns the numbers, in addresses, of the bytes or words that are bytes `first` to `last` of the image.
+    /// Returns the range of numbers by which addresses name bytes `first` to `last` of the image. They number bytes or
+    /// words.
     #[must_use]
     pub const fn numbers(&self, first: u32, last: u32) -> RangeInclusive<u32> {
         let width = self.unit.width();

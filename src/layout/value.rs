@@ -67,7 +67,7 @@ pub(crate) fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if digits.is_empty() || !digits.chars().all(|digit| digit.is_digit(base)) {
         return Err(wrong());
     }
-    // All digits are valid, so only the size can be wrong.
+    // The digits were checked before, so the conversion fails only if the number is too large.
     let size = i64::from_str_radix(&digits, base).map_err(|_| range())?;
     let number = if negative { -size } else { size };
     let allowed = if base == 10 { least..=most } else { 0..=i64::from(ty.mask()) };

@@ -59,7 +59,7 @@ impl Width {
         }
     }
 
-    /// Returns the type for a register if only its width is known.
+    /// Returns the unsigned type of this width, for a register with an unknown type.
     #[cfg(feature = "emulator")]
     pub(crate) const fn bits(self) -> RegType {
         match self {

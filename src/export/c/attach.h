@@ -1,5 +1,5 @@
 
-/* Meeting an image. Every function that can fail returns one of these. */
+/* Result of a function that can fail. */
 typedef enum commram_result {
     COMMRAM_DONE = 0,
     COMMRAM_NO_IMAGE,     /* no file of that name, or no regular file; errno tells more */
@@ -28,7 +28,10 @@ typedef struct commram {
     uint32_t generation;    /* of the emulator that was there when attaching */
 } commram;
 
-/* The versions of an image that was refused for its own: commram_check_file writes it, commram_text returns it. */
+/*
+ * Message about an image with another version or register map. commram_check_file writes the message, and commram_text
+ * returns it.
+ */
 static char commram_versions[200];
 
 /* What a result means, in English. */
@@ -57,7 +60,10 @@ static inline const char *commram_text(commram_result result)
     return "unknown result";
 }
 
-/* When process `pid` started, in clock ticks after boot; 0 if there is none, or a zombie. */
+/*
+ * Returns the start time of process `pid` in clock ticks since boot; 0 if there is no such process, or if it is a
+ * zombie.
+ */
 static inline uint64_t commram_process_start(uint32_t pid)
 {
     char path[40], text[1024], *field;
@@ -70,7 +76,10 @@ static inline uint64_t commram_process_start(uint32_t pid)
     length = read(file, text, sizeof text - 1);
     close(file);
     text[length > 0 ? length : 0] = 0;
-    /* The command's name, field 2, may contain anything; field 3 is the state, field 22 the start. */
+    /*
+     * Field 2, the name of the command, may contain any character, so the search begins at its end. Field 3 is the
+     * state, and field 22 is the start time.
+     */
     field = strrchr(text, ')');
     if (!field || field[1] != ' ' || field[2] == 'Z' || field[2] == 'X')
         return 0;
@@ -79,13 +88,13 @@ static inline uint64_t commram_process_start(uint32_t pid)
     return field ? strtoull(field + 1, NULL, 10) : 0;
 }
 
-/* Whether process `pid` exists, is no zombie, and started at `start` ticks after boot. */
+/* Returns 1 if process `pid` exists, is no zombie, and started at `start` clock ticks since boot; otherwise 0. */
 static inline int commram_process_runs(uint32_t pid, uint64_t start)
 {
     return start != 0 && commram_process_start(pid) == start;
 }
 
-/* COMMRAM_DONE while the emulator that was attached to runs and is ready. */
+/* Returns COMMRAM_DONE while the emulator to which this program has attached runs and is ready. */
 static inline commram_result commram_check(const commram *ram)
 {
     const commram_header *header = ram->header;
@@ -98,7 +107,10 @@ static inline commram_result commram_check(const commram *ram)
         return COMMRAM_GONE;
     if (commram_process_runs(COMMRAM_LOAD(header->firmware_pid), COMMRAM_LOAD(header->firmware_start)))
         return COMMRAM_DONE;
-    /* It may live where its process cannot be seen; then it holds the file's lock. */
+    /*
+     * The process of the emulator may be in another PID namespace, where it is not visible. A running emulator holds
+     * the lock of the file.
+     */
     if (flock(ram->file, LOCK_SH | LOCK_NB) == 0) {
         flock(ram->file, LOCK_UN);
         return COMMRAM_GONE;
@@ -106,7 +118,7 @@ static inline commram_result commram_check(const commram *ram)
     return errno == EWOULDBLOCK ? COMMRAM_DONE : COMMRAM_GONE;
 }
 
-/* The checks of docs/reference/attach.md on an open file, in its order. */
+/* Checks an open file as docs/reference/attach.md describes, in the same order. */
 static inline commram_result commram_check_file(int file)
 {
     struct { uint64_t magic; uint32_t abi_version, header_size; uint64_t layout_hash; uint32_t segment_size, generation; } head;
@@ -137,7 +149,7 @@ static inline commram_result commram_check_file(int file)
     return COMMRAM_DONE;
 }
 
-/* Maps the open file `file`, at `place` if that is not NULL, and fills `ram`. */
+/* Maps the open file `file`, at the address `place` if it is not NULL, and fills `ram`. */
 static inline commram_result commram_map(commram *ram, int file, int writable, void *place)
 {
     int protection = PROT_READ | (writable ? PROT_WRITE : 0);
@@ -152,7 +164,7 @@ static inline commram_result commram_map(commram *ram, int file, int writable, v
     return commram_check(ram);
 }
 
-/* Unmaps the image. The emulator is not touched. */
+/* Unmaps the image. The emulator continues. */
 static inline void commram_detach(commram *ram)
 {
     if (ram->base)
@@ -165,8 +177,8 @@ static inline void commram_detach(commram *ram)
 }
 
 /*
- * Attaches to the image file `path`, for example "/dev/shm/commram.default.line"; with `writable` 0 for
- * reading only. Unless it returns COMMRAM_DONE nothing is left open.
+ * Attaches to the image file `path`, for example "/dev/shm/commram.default.line"; with `writable` 0 for reading only.
+ * After an error, no file stays open.
  */
 static inline commram_result commram_attach(commram *ram, const char *path, int writable)
 {
@@ -185,7 +197,7 @@ static inline commram_result commram_attach(commram *ram, const char *path, int 
     return result;
 }
 
-/* Tells the firmware that something was stored; call it after the last store. */
+/* Notifies the firmware of stores. Call it after the last store. */
 static inline commram_result commram_ring(commram *ram)
 {
     commram_bell *bell = &ram->header->doorbell;
@@ -223,7 +235,7 @@ static inline uint64_t commram_now_ms(void)
     return (uint64_t)now.seconds * 1000u + (uint64_t)now.nanoseconds / 1000000u;
 }
 
-/* Waits until `done(ram, context)` is not 0, at most `timeout_ms` of real time. */
+/* Waits until `done(ram, context)` returns a value other than 0, for at most `timeout_ms` milliseconds of real time. */
 static inline commram_result
 commram_wait_until(commram *ram, int (*done)(const commram *, void *), void *context, uint32_t timeout_ms)
 {
@@ -243,12 +255,12 @@ commram_wait_until(commram *ram, int (*done)(const commram *, void *), void *con
     }
 }
 
-/* A register of `width` bytes and the bits that are awaited in it. */
+/* A register of `width` bytes, and the value for which a program waits in the bits of `mask`. */
 typedef struct commram_awaited {
     uint32_t address, width, mask, value;
 } commram_awaited;
 
-/* The unsigned value of the register at byte `address` of the image, 1, 2 or 4 bytes wide. */
+/* Returns the unsigned value of the register at byte `address` of the image. `width` is 1, 2 or 4 bytes. */
 static inline uint32_t commram_value(const commram *ram, uint32_t address, uint32_t width)
 {
     unsigned char *at = ram->base + address;
@@ -272,7 +284,7 @@ static inline int commram_is_there(const commram *ram, void *context)
 #define COMMRAM_AWAIT(ram, cell, wanted, timeout_ms)                                                             \
     commram_await((ram), (const volatile void *)&(cell), sizeof(cell), UINT32_MAX, (uint32_t)(wanted), (timeout_ms))
 
-/* As COMMRAM_AWAIT, for the bits of `mask` only. */
+/* Waits like COMMRAM_AWAIT, but compares only the bits of `mask`. */
 #define COMMRAM_AWAIT_BITS(ram, cell, mask, wanted, timeout_ms)                                                  \
     commram_await((ram), (const volatile void *)&(cell), sizeof(cell), (mask), (uint32_t)(wanted), (timeout_ms))
 

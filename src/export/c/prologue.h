@@ -23,7 +23,8 @@
 
 /*
  * A register. From C11 on its plain use (x = y, y = x) is one sequentially consistent access of the register's own
- * width. In C++ and in C99 it is volatile only: use the macros where order matters. They are the same everywhere.
+ * width. In C++ and in C99 a register is only volatile, so use the macros where the order of accesses matters. The
+ * macros have the same effect in all these languages.
  */
 #if defined(__cplusplus) || __STDC_VERSION__ < 201112L
 #define COMMRAM_CELL(type) volatile type
@@ -56,8 +57,8 @@ extern "C" {
 #endif
 
 /*
- * What the headers of the system declare only if the right macros were defined before the first of them was included:
- * this one may come behind any of them, in any mode of the language.
+ * The headers of the system declare these names only if certain macros were defined before the first of these headers.
+ * This header may be included after any other header and in any mode of the language, so it has its own names.
  */
 #ifdef O_CLOEXEC
 #define COMMRAM_O_CLOEXEC O_CLOEXEC

@@ -1,5 +1,5 @@
 
-/* Everything that a program asks the board for in the header page ends with this. */
+/* Notifies the board of a request in the header page. Every function that stores such a request calls it at its end. */
 static inline commram_result commram_request(commram *ram)
 {
     if (!ram->writable)
@@ -8,7 +8,7 @@ static inline commram_result commram_request(commram *ram)
     return commram_ring(ram);
 }
 
-/* A cell of the header page and the value that is awaited in it, for commram_wait_until. */
+/* A cell of the header page, and the value for which commram_wait_until waits. */
 typedef struct commram_expected {
     COMMRAM_CELL(uint32_t) *cell;
     uint32_t value;
@@ -24,7 +24,7 @@ static inline int commram_is_expected(const commram *ram, void *context)
 
 /*
  * Function block INTR_SET: enables (`enable` 1) or disables (0) an event; `par1` is the factor of a CPU timer. If it
- * returns COMMRAM_REFUSED, header->interrupts[event].result tells why (COMMRAM_INTERRUPT_RESULT_...).
+ * returns COMMRAM_REFUSED, header->interrupts[event].result has the reason (COMMRAM_INTERRUPT_RESULT_...).
  */
 static inline commram_result
 commram_intr_set(commram *ram, uint32_t event, int enable, uint16_t par1, uint32_t timeout_ms)
@@ -50,7 +50,7 @@ commram_intr_set(commram *ram, uint32_t event, int enable, uint16_t par1, uint32
     return COMMRAM_LOAD(slot->result) == COMMRAM_INTERRUPT_RESULT_DONE ? COMMRAM_DONE : COMMRAM_REFUSED;
 }
 
-/* Sleeps on `bell` until it has rung more often than `seen` times. */
+/* Waits until `bell` has rung more than `seen` times. */
 static inline commram_result commram_wait_ring(commram *ram, commram_bell *bell, uint32_t seen, uint32_t timeout_ms)
 {
     uint64_t end = commram_now_ms() + timeout_ms;
@@ -72,8 +72,8 @@ static inline uint32_t commram_event_count(const commram *ram, uint32_t event)
 }
 
 /*
- * Waits until the event has come more often than `*seen`, which then becomes its count: what that is more than one
- * higher was missed. Begin with commram_event_count.
+ * Waits until the event has occurred more than `*seen` times, and sets `*seen` to the number of occurrences. If the
+ * number has increased by more than 1, the program has missed events. Begin with the result of commram_event_count.
  */
 static inline commram_result commram_await_event(commram *ram, uint32_t event, uint32_t *seen, uint32_t timeout_ms)
 {
@@ -84,18 +84,19 @@ static inline commram_result commram_await_event(commram *ram, uint32_t event, u
 }
 
 /*
- * Added to the event of commram_join: the task has a turn at once, and whenever the board orders a start or stop of the program or has
- * been reset, also while no event occurs. commram_event_count tells whether the event has occurred, too.
+ * Flag for the `event` of commram_join. With this flag, the task has a turn at once, and whenever the board orders a
+ * start or stop of the program or has been reset, even if the event does not occur. Use commram_event_count to find out
+ * whether the event has occurred.
  */
 #define COMMRAM_SEAT_ORDERS 0x100u
 
 /*
- * Added to the run time at the end of a turn: the task is done, and has its next turn after the rest of the value at the latest, also if
- * no event occurs.
+ * Flag for the run time at the end of a turn. With this flag, the task is done. The other bits of the run time are the
+ * longest emulated time in microseconds until its next turn, which comes even if the event does not occur.
  */
 #define COMMRAM_SEAT_WAITS 0x80000000u
 
-/* A task that the emulated time waits for (lockstep, stepped mode only). */
+/* A task for which the emulated time waits (lockstep, stepped mode only). */
 typedef struct commram_task {
     commram *ram;
     commram_seat *seat;
@@ -103,8 +104,8 @@ typedef struct commram_task {
 } commram_task;
 
 /*
- * Takes a seat for a task of `event`. `patience_ms`: how long a turn may really take before the emulator gives the task
- * up; 0: as long as the process lives.
+ * Takes a seat for a task of `event`. `patience_ms` is the longest real time of a turn. After this time the emulator no
+ * longer waits for the task. With 0, the emulator waits as long as the process lives.
  */
 static inline commram_result
 commram_join(commram *ram, commram_task *task, uint32_t event, uint32_t patience_ms, uint32_t timeout_ms)
@@ -142,7 +143,10 @@ commram_join(commram *ram, commram_task *task, uint32_t event, uint32_t patience
     return COMMRAM_NO_SEAT;
 }
 
-/* Waits for the task's turn. From then on emulated time, header->virtual_time_us, stands still until commram_done. */
+/*
+ * Waits for the task's turn. During the turn, which commram_done ends, the emulated time header->virtual_time_us does
+ * not advance.
+ */
 static inline commram_result commram_turn(commram_task *task, uint32_t timeout_ms)
 {
     commram_result result = commram_wait_ring(task->ram, &task->seat->turn, task->turns, timeout_ms);
@@ -163,19 +167,25 @@ static inline void commram_end_turn(commram_task *task, uint32_t run_us)
         commram_system(SYS_futex, (uint32_t *)&done->word, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
 }
 
-/* The task is done until its next event. */
+/* Ends the turn. The next turn begins at the next event of the task. */
 static inline void commram_done(commram_task *task)
 {
     commram_end_turn(task, 0);
 }
 
-/* The task is done until its next event, or for `us` of emulated time, not 0, if no event occurs before. */
+/*
+ * Ends the turn. The next turn begins at the next event, or after `us` microseconds of emulated time if no event occurs
+ * before. `us` must not be 0.
+ */
 static inline void commram_done_for(commram_task *task, uint32_t us)
 {
     commram_end_turn(task, COMMRAM_SEAT_WAITS | (us < COMMRAM_SEAT_WAITS ? us : COMMRAM_SEAT_WAITS - 1u));
 }
 
-/* Lets `run_us` of emulated time, not 0, pass, as the task's run; then it is its turn again. Store outputs after it. */
+/*
+ * Advances the emulated time by `run_us` microseconds, the run time of the task, and waits for the task's next turn.
+ * `run_us` must not be 0. Store outputs after this call.
+ */
 static inline commram_result commram_run(commram_task *task, uint32_t run_us, uint32_t timeout_ms)
 {
     commram_end_turn(task, run_us);
@@ -190,7 +200,7 @@ static inline void commram_leave(commram_task *task)
     commram_request(task->ram);
 }
 
-/* A program on the board, which starts and stops it. */
+/* A program that the board starts and stops. */
 typedef struct commram_plc {
     commram *ram;
     uint32_t orders;   /* of the board, seen so far */
@@ -198,19 +208,22 @@ typedef struct commram_plc {
     int runs;
 } commram_plc;
 
-/* Tells the board what the program does: COMMRAM_PROGRAM_STATE_INITIALIZING, _CYCLIC, _STOPPED. */
+/* Reports the state of the program to the board: COMMRAM_PROGRAM_STATE_INITIALIZING, _CYCLIC or _STOPPED. */
 static inline void commram_tell(commram_plc *plc, uint32_t state)
 {
     commram_program *program = &plc->ram->header->program;
     uint32_t now = COMMRAM_LOAD(program->state);
-    /* 0 says that the project is gone; it stays so until one is loaded. */
+    /* The state NONE (0) means that the board has lost the project. It must not change until a project is loaded. */
     while (now != COMMRAM_PROGRAM_STATE_NONE && !COMMRAM_SWAP_IF(program->state, &now, state))
         ;
     plc->runs = state == COMMRAM_PROGRAM_STATE_CYCLIC || state == COMMRAM_PROGRAM_STATE_INITIALIZING;
     commram_request(plc->ram);
 }
 
-/* Loads the program: it stands until the board orders a start, which it does soon if the switch is at RUN. */
+/*
+ * Loads the program. The program does not run until the board orders a start. If the switch is at RUN, the board orders
+ * it soon.
+ */
 static inline commram_result commram_load(commram_plc *plc, commram *ram)
 {
     commram_program *program = &ram->header->program;
@@ -222,7 +235,10 @@ static inline commram_result commram_load(commram_plc *plc, commram *ram)
     plc->restarts = COMMRAM_LOAD(program->restarts);
     plc->runs = 0;
     if (state == COMMRAM_PROGRAM_STATE_STOPPED) {
-        /* A start that was ordered before the program came is still to be done. */
+        /*
+         * The board may have ordered a start before the program was loaded. The next call of commram_order must return
+         * this order.
+         */
         if (kind >= COMMRAM_START_COLD && kind <= COMMRAM_START_HOT)
             plc->orders--;
     } else if (state != COMMRAM_PROGRAM_STATE_NONE || COMMRAM_LOAD(ram->header->project) != COMMRAM_PROJECT_NONE) {
@@ -233,8 +249,9 @@ static inline commram_result commram_load(commram_plc *plc, commram *ram)
 }
 
 /*
- * What the board has ordered since the last call: COMMRAM_START_NONE, _COLD, _WARM, _HOT or _STOP, which it also is
- * after a reset and while the supply is off. Call it in front of each scan, and tell what the program does then.
+ * Returns the order of the board since the last call: COMMRAM_START_NONE, _COLD, _WARM, _HOT or _STOP. After a reset
+ * and while the supply is off, it returns _STOP to a program that runs. Call it before each scan, and report the new
+ * state of the program by commram_tell.
  */
 static inline uint32_t commram_order(commram_plc *plc)
 {
@@ -252,8 +269,9 @@ static inline uint32_t commram_order(commram_plc *plc)
 }
 
 /*
- * Initial value of `width` bytes, 1, 2 or 4, of retain flag `flag`, counted from 0: a cold start writes it. Width 0 takes back what was
- * asked for before. COMMRAM_REFUSED: the device has no such flag, or no cold start that would write it.
+ * Sets the initial value that a cold start writes to retain flag `flag`, counted from 0. `width` is 1, 2 or 4 bytes; 0
+ * removes all initial values that were set before. Returns COMMRAM_REFUSED if the device has no such flag, or no cold
+ * start that writes initial values.
  */
 static inline commram_result
 commram_give_initial_value(commram *ram, uint32_t flag, uint32_t width, uint32_t value, uint32_t timeout_ms)
@@ -277,7 +295,7 @@ commram_give_initial_value(commram *ram, uint32_t flag, uint32_t width, uint32_t
     return COMMRAM_LOAD(slot->result) == COMMRAM_INITIAL_FLAG_RESULT_DONE ? COMMRAM_DONE : COMMRAM_REFUSED;
 }
 
-/* Why a program that is loaded does not run, in English. */
+/* Returns the reason why a loaded program does not run, in English. */
 static inline const char *commram_stopped_because(const commram *ram)
 {
     if (COMMRAM_LOAD(ram->header->program.power) != COMMRAM_POWER_ON)

@@ -63,7 +63,7 @@ impl<'a> Dictionary<'a> {
         }
     }
 
-    /// Returns the comments on all entries, one line each, without characters that end a value for some readers.
+    /// Returns the comments on all entries, one line each, without the characters at which some readers end a value.
     pub(super) fn comments(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for index in self.indices() {
@@ -125,7 +125,8 @@ impl<'a> Dictionary<'a> {
 
     /// Returns the section of one entry with a value.
     fn variable(&self, object: &Object, section: &str, name: &str) -> String {
-        // A domain is a variable of the type DOMAIN: eds-utils accepts no other object type with a single entry.
+        // An object of the type domain is written as a variable with the data type DOMAIN, because eds-utils accepts
+        // only variables as objects with a single entry.
         let data = match object.ty {
             Some(Type::U8) => UNSIGNED8,
             Some(Type::U16) => 0x6,

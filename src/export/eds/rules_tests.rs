@@ -10,7 +10,7 @@ type Section = BTreeMap<String, String>;
 struct Sheet(BTreeMap<String, Section>);
 
 impl Sheet {
-    /// Reads a file: no section and no key twice, no line outside a section.
+    /// Reads a file. Fails if a section or a key occurs twice, or if a line is outside of a section.
     fn read(text: &str) -> Self {
         let mut sections: BTreeMap<String, Section> = BTreeMap::new();
         let mut current = None;

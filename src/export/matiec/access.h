@@ -1,6 +1,6 @@
 /*
- * matiec's own pointers are not volatile: of two writes to a register in one scan an optimizing compiler drops the
- * first, and it may read a register once for many uses. Here they are.
+ * In this file the pointers to located variables are volatile. matiec's own pointers are not: an optimizing compiler
+ * could drop the first of two writes to a register in one scan, or read a register once for many uses.
  */
 #include "accessor.h"
 #undef __DECLARE_LOCATED
@@ -14,7 +14,10 @@
 #define __DECLARE_LOCATED(type, name) COMMRAM_POINTER(type, name)
 #define __DECLARE_EXTERNAL(type, name) COMMRAM_POINTER(type, name)
 
-/* 1 during a warm start: variables that are declared RETAIN keep their values then (5.00005.03a p. 38). */
+/*
+ * 1 during a warm start, in which variables that are declared RETAIN keep their values (5.00005.03a p. 38); otherwise
+ * 0.
+ */
 extern int commram_matiec_keeps_retain;
 #undef __INIT_VAR
 #undef __INIT_GLOBAL
@@ -32,7 +35,8 @@ extern int commram_matiec_keeps_retain;
     }
 
 /*
- * A bit of a flag has no address. Where one is located there is a byte here, which each access takes from the flag or gives to it.
+ * C has no address of a bit. So a variable that is located at a bit of a flag has a byte here. Each read copies the bit
+ * to the byte, and each write copies the byte to the bit.
  */
 extern unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES];
 extern unsigned char commram_matiec_bits[COMMRAM_FLAG_BITS];

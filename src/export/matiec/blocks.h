@@ -1,14 +1,18 @@
 
 /*
- * What function blocks in Structured Text cannot do with registers (commram export st --blocks): they ask the board in the
- * header page, as the blocks on the device call its firmware. Until an image is mapped they ask memory of this process.
+ * Functions for the parts of the function blocks (commram export st --blocks) that Structured Text cannot do with
+ * registers. They store requests to the board in the header page, as the blocks on the device call its firmware. Until
+ * an image is mapped, the requests go to memory of this process.
  */
 static inline commram_header *commram_matiec_header(void)
 {
     return (commram_header *)(void *)commram_matiec_ram;
 }
 
-/* 16#0000 was stored in w_CPU_CONTROL of the node whose structure is there (D-29). */
+/*
+ * Called after a block has stored 16#0000 in w_CPU_CONTROL of a node (D-29). `node` is the address of the node's
+ * structure.
+ */
 static inline void commram_matiec_restarted(const volatile void *node)
 {
     commram_header *header = commram_matiec_header();
@@ -21,19 +25,19 @@ static inline void commram_matiec_restarted(const volatile void *node)
     }
 }
 
-/* How often the board was reset or supplied; whatever was asked before is forgotten. */
+/* Returns the number of resets and power-ons of the board. Each of them cancels all earlier requests. */
 static inline uint32_t commram_matiec_restarts(void)
 {
     return COMMRAM_LOAD(commram_matiec_header()->program.restarts);
 }
 
-/* 0: the request is not answered, 1: done, 2: refused. */
+/* Returns 0 if the request is not answered, 1 if it is done, 2 if it was refused. */
 static inline uint32_t commram_matiec_answer(uint32_t answered, uint32_t request, uint32_t result)
 {
     return answered != request ? 0 : result == 0 ? 1 : 2;
 }
 
-/* INTR_SET: asks, and returns what the request is known by. `event` is 0 to 15. */
+/* Stores a request of INTR_SET, and returns the number by which the answer is recognized. `event` is 0 to 15. */
 static inline uint32_t commram_matiec_intr_ask(int8_t event, int16_t par1, uint8_t enable)
 {
     commram_header *header = commram_matiec_header();
@@ -87,8 +91,10 @@ static inline void commram_matiec_leds(uint8_t leds)
     COMMRAM_STORE(commram_matiec_header()->board.leds, leds & 0x0Fu);
 }
 
-/* Emulated time in microseconds at this moment: in real time it goes on between two things the firmware does. At most
-   100 ms after virtual_time_us, so that the time does not fall when the speed changes. */
+/*
+ * Returns the emulated time in microseconds at this moment. In real time it also advances between two actions of the
+ * firmware. The result is at most 100 ms after virtual_time_us, so that the time does not fall when the speed changes.
+ */
 static inline uint32_t commram_matiec_exact_us(void)
 {
     commram_header *header = commram_matiec_header();

@@ -17,13 +17,16 @@
  * commram_located.h.
  */
 
-/* unistd.h has macros of these names for access(); x_OK is a pin of most function blocks, which matiec writes in capitals. */
+/*
+ * unistd.h defines macros of these names for access(). Most function blocks have a pin x_OK, and matiec writes its name
+ * in capitals, so the macro would replace it.
+ */
 #undef F_OK
 #undef R_OK
 #undef W_OK
 #undef X_OK
 
-/* Without a letter for the size, %M3.200012, an address is that of a bit; matiec calls that size S. */
+/* An address without a letter for the size, such as %M3.200012, is the address of a bit. matiec calls this size S. */
 #define COMMRAM_SIZE_S 1u
 #define COMMRAM_SIZE_X 1u
 #define COMMRAM_SIZE_B 1u
@@ -40,7 +43,9 @@
 #define COMMRAM_LETTER_I 'I'
 #define COMMRAM_LETTER_Q 'Q'
 
-/* commram_located.h: one of these per address, with one to six numbers: %MB3.200012, %QX0.1, %MW7. */
+/*
+ * The entries of commram_located.h: one for each address, with one to six numbers, as in %MB3.200012, %QX0.1 or %MW7.
+ */
 #define __LOCATED_VAR(type, name, area, size, ...)                                                               \
     COMMRAM_SPELLED(type, name, COMMRAM_LETTER_##area, COMMRAM_IS_BIT_##size, COMMRAM_SIZE_##size, __VA_ARGS__,  \
                     4294967295, 4294967295, 4294967295, 4294967295, 4294967295, 4294967295, )

@@ -1,7 +1,7 @@
 
 /*
- * Where a located variable lies follows from the name that matiec gives to its address: __MB3_200012_0 is %MB3.200012.0.
- * C++ works it out while it compiles, C when config_init__ runs.
+ * These functions compute the place of a located variable from the name that matiec derives from its address:
+ * __MB3_200012_0 is %MB3.200012.0. A C++ compiler evaluates them; in C they run in config_init__.
  */
 #ifdef __cplusplus
 #define COMMRAM_CONSTANT constexpr
@@ -12,7 +12,10 @@ extern unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES];
 
 COMMRAM_CONSTANT int commram_is_digit(char letter) { return letter >= '0' && letter <= '9'; }
 
-/* 2: no letter for the size, which means a bit, too; matiec calls that size S. */
+/*
+ * Returns 1 for the size X, and 2 for an address without a letter for the size. Such an address is the address of a
+ * bit, too; matiec calls its size S.
+ */
 COMMRAM_CONSTANT int commram_is_bit(const char *name) { return name[3] == 'X' ? 1 : commram_is_digit(name[3]) ? 2 : 0; }
 
 COMMRAM_CONSTANT unsigned commram_size(const char *name)
@@ -20,7 +23,7 @@ COMMRAM_CONSTANT unsigned commram_size(const char *name)
     return name[3] == 'L' ? 8u : name[3] == 'D' ? 4u : name[3] == 'W' ? 2u : 1u;
 }
 
-/* The number that the digits at `text` go on with. */
+/* Reads the digits at `text` and appends them to the number `begun`. */
 COMMRAM_CONSTANT unsigned commram_number(const char *text, unsigned begun)
 {
     return !commram_is_digit(*text)  ? begun
@@ -28,7 +31,7 @@ COMMRAM_CONSTANT unsigned commram_number(const char *text, unsigned begun)
                                      : commram_number(text + 1, begun * 10u + (unsigned)(*text - '0'));
 }
 
-/* The number `level` of those at `text`, which `_` separates. */
+/* Returns number `level` of the numbers at `text`, which are separated by `_`. */
 COMMRAM_CONSTANT unsigned commram_level_in(const char *text, int level)
 {
     return *text == 0     ? COMMRAM_NO_NUMBER
@@ -58,7 +61,7 @@ COMMRAM_CONSTANT unsigned commram_place_of(char letter, int is_bit, unsigned siz
     return (void)letter, (void)is_bit, (void)size, (void)b, COMMRAM_PLACE(letter, is_bit, size, a, b);
 }
 
-/* Whether the device has the address; if not, the variable is the program's or the runtime's own. */
+/* Returns 1 if the device has the address. If not, the variable belongs to the program or to the runtime. */
 COMMRAM_CONSTANT int commram_is_bound(const char *name)
 {
     return commram_is_in_ram(name[2], commram_is_bit(name), commram_size(name), commram_level(name, 0),
@@ -78,7 +81,7 @@ COMMRAM_CONSTANT int commram_is_structure(unsigned place, unsigned long bytes)
 
 COMMRAM_CONSTANT unsigned commram_widths(unsigned place) { return COMMRAM_WIDTHS_AT(place); }
 
-/* The number of its bit among those of all flags; COMMRAM_NO_NUMBER if it is none. */
+/* Returns the number of the bit among the bits of all flags; COMMRAM_NO_NUMBER if the place is no bit of a flag. */
 COMMRAM_CONSTANT unsigned commram_bit_at(unsigned place, unsigned bit)
 {
     return (void)place, (void)bit, COMMRAM_REACHED_BIT(place, bit);
@@ -89,7 +92,7 @@ COMMRAM_CONSTANT unsigned commram_bit_of(const char *name)
     return commram_is_bit(name) ? commram_bit_at(commram_place(name), commram_level(name, 1)) : COMMRAM_NO_NUMBER;
 }
 
-/* What a variable of the device points to. */
+/* Returns the memory to which a variable of the device points. */
 static inline unsigned char *commram_matiec_at(const char *name)
 {
     return commram_is_bit(name) ? commram_matiec_bits + commram_bit_of(name) : commram_matiec_ram + commram_place(name);
@@ -101,7 +104,10 @@ static inline unsigned char *commram_matiec_at(const char *name)
                   commram_place(name), commram_widths(commram_place(name)), commram_bit_of(name))
 
 #ifdef __cplusplus
-/* OpenPLC's glue_generator writes behind its tables at other numbers; it has none for %MB. */
+/*
+ * OpenPLC's glue_generator has tables of limited length, and none for %MB. For an address with a higher number, it
+ * would write after the end of a table.
+ */
 #define COMMRAM_RULE_OF_TABLES(name)                                                                             \
     COMMRAM_RULE(!commram_is_bound(name) || (name[2] == 'M' && name[3] == 'B') || commram_level(name, 0) < 1024u, name,\
                  "OpenPLC has tables for numbers below 1024 only; locate bytes, %MB")
@@ -111,7 +117,7 @@ static inline unsigned char *commram_matiec_at(const char *name)
 #define COMMRAM_BOUND(type, location)                                                                            \
     (commram_is_bound(#location) ? (type *)(void *)commram_matiec_at(#location) : location)
 #else
-/* What is wrong with the first variable that is refused; nothing may be attached then. */
+/* Description of the error in the first variable that was refused. If it is not empty, the program must not attach. */
 extern char commram_matiec_refused[160];
 
 #define COMMRAM_RULE(condition, name, text) if (!(condition)) return text;
@@ -121,7 +127,10 @@ static inline const char *commram_refusal(const char *name, size_t bytes)
     return NULL;
 }
 
-/* Address of a variable; `other` is NULL if no other library has one of this name. */
+/*
+ * Returns the address of a variable. `other` is the address of the variable that another library has under this name;
+ * NULL if there is none.
+ */
 static inline void *commram_bound(const char *name, size_t bytes, void *other)
 {
     const char *wrong = !commram_is_bound(name) ? (other ? NULL : "the device has no such address, and no library has it")

@@ -1,10 +1,11 @@
-/* Levels of 0 behind an address are other spellings of it: %MB3.200012.0. */
+/* An address with further levels of 0, such as %MB3.200012.0, is another spelling of the address without them. */
 #define COMMRAM_IS_NO_LEVEL(n) ((n) == 0u || (n) == COMMRAM_NO_NUMBER)
 
 /*
- * What a located variable has to keep to if the device has its address (`bound`). `rule` gets each condition, the name and
- * what is wrong if it does not hold. `whole`: a structure of this size begins there; `levels`: only 0 stands in further
- * levels; `widths`: of the registers there, added up; `bit`: the number of the bit if it is one of a flag.
+ * Rules for a located variable, if the device has its address (`bound`). `rule` is called with each condition, the
+ * name, and the error if the condition does not hold. `whole`: size of the structure that begins at the address;
+ * `levels`: true if all further levels are 0; `widths`: sum of the widths of the registers at the address; `bit`:
+ * number of the bit, if it belongs to a flag.
  */
 #define COMMRAM_RULES(rule, name, bound, is_bit, size, levels, bytes, whole, place, widths, bit)                 \
     rule(!(bound) || (is_bit) != 2 || (bit) != COMMRAM_NO_NUMBER, name,                                          \
@@ -21,7 +22,7 @@
          "the register there has another width")
 
 
-/* Bits of flags are reached by the macros of accessor.h, where these are the ones below. */
+/* A program can access bits of flags only if the macros of accessor.h are replaced by those of commram. */
 #if defined(COMMRAM_MATIEC_ACCESS) || defined(COMMRAM_MATIEC_BY_NAME) || defined(__cplusplus)
 #define COMMRAM_REACHED_BIT(place, bit) COMMRAM_FLAG_BIT(place, bit)
 #else

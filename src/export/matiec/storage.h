@@ -1,6 +1,6 @@
 /*
- * What matiec's variables point to. Until commram_matiec_attach maps the image over it, it is memory of this
- * process, so the initial values that config_init__ writes to every located variable never reach a register.
+ * The storage to which matiec's variables point. It is memory of this process until commram_matiec_attach maps the
+ * image over it. So the initial values that config_init__ writes to every located variable never reach a register.
  */
 #ifdef COMMRAM_MATIEC_BY_NAME
 #define COMMRAM_MATIEC_TEXT char commram_matiec_refused[160];
@@ -16,10 +16,13 @@ extern unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES];
 extern int commram_matiec_keeps_retain;
 extern unsigned char commram_matiec_bits[COMMRAM_FLAG_BITS];
 
-/* Initial values of located flags, as config_init__ last left them: those that are retained, then the others. */
+/*
+ * Initial values of located flags, as the last config_init__ has written them: first those of the retain flags, then
+ * those of the other flags.
+ */
 static unsigned char commram_matiec_initial[COMMRAM_MATIEC_RETAIN_BYTES + COMMRAM_MATIEC_FLAGS_BYTES + 1u];
 
-/* Puts memory of this process, all zero, in the image's place; the variables stay usable. */
+/* Replaces the image by zeroed memory of this process. The variables can still be used. */
 static inline void commram_matiec_detach(commram *ram)
 {
     mmap(commram_matiec_ram, COMMRAM_SEGMENT_SIZE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED,
@@ -48,7 +51,7 @@ static inline commram_result commram_matiec_attach(commram *ram, const char *pat
     return result;
 }
 
-/* Keeps the initial values of located flags and of their bits, before an image is mapped over them. */
+/* Saves the initial values of located flags and of their bits. Call it before an image is mapped over these flags. */
 static inline void commram_matiec_keep_initial(void)
 {
     size_t i, bytes = COMMRAM_MATIEC_RETAIN_BYTES + COMMRAM_MATIEC_FLAGS_BYTES;
@@ -61,9 +64,10 @@ static inline void commram_matiec_keep_initial(void)
 }
 
 /*
- * A start of the program of this kind, COMMRAM_START_COLD or COMMRAM_START_WARM: `init` gives its variables initial values, at a warm
- * start not those that are declared RETAIN. None of them reaches a register; flags that are not retained get them here, and retain
- * flags by commram_matiec_flags.
+ * Starts the program. `kind` is COMMRAM_START_COLD or COMMRAM_START_WARM. `init` gives the variables their initial
+ * values; at a warm start, variables that are declared RETAIN keep their values. No initial value reaches a register.
+ * This function writes the initial values of flags that are not retained, and commram_matiec_flags sets those of retain
+ * flags.
  */
 static inline commram_result
 commram_matiec_begin(commram *ram, const char *path, void (*init)(void), uint32_t kind)
@@ -77,22 +81,23 @@ commram_matiec_begin(commram *ram, const char *path, void (*init)(void), uint32_
     commram_matiec_keep_initial();
     result = commram_matiec_attach(ram, path);
     for (i = COMMRAM_MATIEC_RETAIN_BYTES; result == COMMRAM_DONE && i < bytes; i++) {
-        /* The device has set all others to 0 when it ordered the start. */
+        /* The device has set all flags to 0 when it ordered the start, so an initial value of 0 needs no write. */
         if (commram_matiec_initial[i])
             *(volatile unsigned char *)(commram_matiec_ram + COMMRAM_FLAG_BYTE(i)) = commram_matiec_initial[i];
     }
     return result;
 }
 
-/* A first start of the program, before the board has ordered any. */
+/* Starts the program for the first time, before the board has ordered a start. */
 static inline commram_result commram_matiec_start(commram *ram, const char *path, void (*init)(void))
 {
     return commram_matiec_begin(ram, path, init, COMMRAM_START_COLD);
 }
 
 /*
- * Registers the initial values of the program's retain flags, which each cold start gives them; to be called after
- * commram_matiec_start and before commram_load. COMMRAM_REFUSED: the device gives them none, or has fewer flags.
+ * Registers the initial values that each cold start gives to the retain flags of the program. Call it after
+ * commram_matiec_start and before commram_load. Returns COMMRAM_REFUSED if the device gives flags no initial values, or
+ * has fewer flags.
  */
 static inline commram_result commram_matiec_flags(commram *ram, uint32_t timeout_ms)
 {
@@ -114,13 +119,13 @@ static inline commram_result commram_matiec_flags(commram *ram, uint32_t timeout
     return result;
 }
 
-/* The program of a runtime whose scans cannot be held up, see commram_matiec_keep. */
+/* The program of a runtime that does not wait before a scan, see commram_matiec_keep. */
 typedef struct commram_matiec_program {
     commram board; /* the image a second time, for orders */
     commram_plc plc;
 } commram_matiec_program;
 
-/* How long the board may really take to order the first start, and to answer. */
+/* Longest real time for the board to order the first start, and to answer a request. */
 #define COMMRAM_MATIEC_FIRST_MS 50u
 #define COMMRAM_MATIEC_ANSWER_MS 1000u
 
@@ -146,7 +151,10 @@ commram_matiec_load(commram_matiec_program *program, commram *ram, const char *p
     return result;
 }
 
-/* Does what the board orders: registers are under the located variables while the program may run, and only then. */
+/*
+ * Executes the orders of the board. The image is mapped over the storage of the located variables only while the
+ * program may run.
+ */
 static inline commram_result
 commram_matiec_obey(commram_matiec_program *program, commram *ram, const char *path, void (*init)(void))
 {
@@ -179,9 +187,9 @@ static inline commram_matiec_program *commram_matiec_own(void)
 }
 
 /*
- * For runtimes whose scans begin and go on without being asked; to be called in front of each, with a `ram` that begins
- * as zeros. Starts and stops the program as the board orders, as soon as there is an emulator, and lets go of one that is gone.
- * COMMRAM_STOPPED: the program is stopped, and its scans find memory of this process.
+ * For runtimes that begin each scan by their own clock. Call it before each scan; `ram` must be zero at the first call.
+ * Attaches as soon as an emulator runs, starts and stops the program as the board orders, and detaches when the
+ * emulator has ended. Returns COMMRAM_STOPPED while the program is stopped. Its scans then use memory of this process.
  */
 static inline commram_result commram_matiec_keep(commram *ram, const char *path, void (*init)(void))
 {
@@ -196,7 +204,7 @@ static inline commram_result commram_matiec_keep(commram *ram, const char *path,
     return result;
 }
 
-/* The end of a program that commram_matiec_keep has started: the board is informed that it is gone. */
+/* Ends a program that commram_matiec_keep has started, and reports its end to the board. */
 static inline void commram_matiec_leave(commram *ram)
 {
     commram_matiec_program *program = commram_matiec_own();
@@ -207,7 +215,7 @@ static inline void commram_matiec_leave(commram *ram)
     }
 }
 
-/* Gives emulated time to a variable of matiec's type TIME. */
+/* Sets a variable of matiec's type TIME to the emulated time. */
 #define COMMRAM_MATIEC_TIME(ram, time)                                                                           \
     do {                                                                                                         \
         uint64_t commram_now = COMMRAM_LOAD((ram)->header->virtual_time_us);                                     \

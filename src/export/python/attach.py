@@ -117,7 +117,7 @@ def decode(meaning: str, value: int, width: int) -> str:
             found, source = _known_value(field_values, part) or (found, source)
         if not found:
             continue
-        # If consecutive parts follow from one decision, only the last of these parts names the decision.
+        # Consecutive parts may be inferred from the same decision. Only the last of these parts names the decision.
         if source != decision:
             text, decision = _told(text, decision), source
         if text:
@@ -285,7 +285,8 @@ class Ram:
         value, width = _integer(name, value), _WIDTHS[code]
         if not -(1 << (8 * width - 1)) <= value <= _mask(width):
             raise ValueError(f"{name}: {value} does not fit into {width} bytes")
-        # A signed register takes bit patterns, an unsigned one negative numbers.
+        # A signed register accepts bit patterns, and an unsigned register accepts negative numbers: the mask converts
+        # both.
         self._views[_UNSIGNED[width]][offset // width] = value & _mask(width)
 
     def read(self, name: str) -> int:

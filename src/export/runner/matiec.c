@@ -5,7 +5,7 @@
 COMMRAM_MATIEC_STORAGE
 #include "commram_located.h"
 
-/* What matiec's code wants of its runtime, and gives to it. */
+/* Variables and functions that the code of matiec shares with its runtime. */
 TIME __CURRENT_TIME;
 BOOL __DEBUG = 0;
 extern unsigned long long common_ticktime__;

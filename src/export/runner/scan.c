@@ -1,11 +1,11 @@
-/* How long the emulator may really take for an answer, and how often a wait looks for signals. */
+/* Longest real time for an answer of the emulator, and interval at which a wait checks for signals. */
 #define ANSWER_MS 5000u
 #define SLICE_MS 100u
-/* How long the event of the scans may be missing, in microseconds of emulated time, before scans come without it. */
+/* Emulated time in microseconds without the event of the scans, after which scans begin without the event. */
 #define MISSING_US 100000u
-/* How often a program in real time looks for a missing event. */
+/* Interval at which a program in real time checks whether its event is missing. */
 #define LOOK_MS 5u
-/* How long a program is stopped before it says why. */
+/* Time for which a program must be stopped before it prints the reason. */
 #define STOPPED_SECONDS 2
 
 static volatile sig_atomic_t ended;
@@ -22,7 +22,7 @@ static int failed(const char *what, commram_result result)
     return 1;
 }
 
-/* Sleeps until it is time for the scan at `due`, in which a signal is noticed, and counts `due` on. */
+/* Sleeps until `due`, the time of the next scan, or until a signal arrives. Advances `due` by one interval. */
 static void sleep_until(struct timespec *due)
 {
     while (!ended && clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, due, NULL) == EINTR)
@@ -73,7 +73,7 @@ static commram_result obey(commram_plc *plc, const char *image, const char *even
     return COMMRAM_DONE;
 }
 
-/* Says why the program is stopped, once each time that it is for a while. */
+/* Prints the reason why the program is stopped, once for each stop that lasts a while. */
 static void say_stopped(const commram_plc *plc)
 {
     static time_t since;
@@ -102,7 +102,7 @@ static uint64_t interval_us(void)
     return us ? us : 1;
 }
 
-/* Time from the last scan to one that comes without the event. */
+/* Returns the time after the last scan at which a scan begins without the event. */
 static uint64_t patience_us(const pace *pace)
 {
     uint64_t interval = interval_us();
@@ -112,7 +112,7 @@ static uint64_t patience_us(const pace *pace)
     return 2 * interval > MISSING_US ? 2 * interval : MISSING_US;
 }
 
-/* Whether a scan is due: the event has come, or has been missing for long enough. */
+/* Returns 1 if a scan is due, because the event has occurred or has been missing for long enough. */
 static int is_due_at(pace *pace, uint64_t now_us, int has_come)
 {
     int is_late = now_us - pace->last_us >= patience_us(pace);
@@ -191,7 +191,10 @@ int main(int argc, char **argv)
             is_due = 0;
             result = COMMRAM_DONE;
         }
-        /* Between the wait and the scan: what was ordered meanwhile concerns this scan. In lockstep each order has a turn. */
+        /*
+         * Asks for orders between the wait and the scan: an order that came during the wait concerns this scan. In
+         * lockstep, each order has its own turn.
+         */
         if (result == COMMRAM_DONE && (has_turn || !stepped))
             result = obey(&plc, image, number, par1);
         if (has_turn) {

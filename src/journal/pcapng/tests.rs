@@ -114,7 +114,8 @@ fn telegrams_are_read_unless_a_capture_has_cut_them_off() {
     let [Logged { time_us, frame, .. }] = &recording.telegrams[..] else { panic!("{recording:?}") };
     assert_eq!((*time_us, frame.as_slice()), (7, &telegram[..]));
     let mut short = log(false, PROFIBUS_DL, &[], 7, &telegram);
-    // The original length follows the captured one; the packet ends with options and its length.
+    // A packet has its captured length and then its original length. After the data follow the options and the length
+    // of the block.
     let at = short.len() - 4 - 8;
     short[at - 4..at].copy_from_slice(&20_u32.to_le_bytes());
     let recording = read(&short).unwrap();
@@ -169,8 +170,8 @@ fn frames() -> impl Strategy<Value = Frame> {
     )
 }
 
-/// Logs in either format are read or refused. A frame that was read from a line is equal after it is written and read
-/// again.
+/// Logs in either format are read or refused. A frame that was read from a line does not change when it is written and
+/// read again.
 #[test]
 fn fuzz_log() {
     crate::fuzz("log", |bytes| {

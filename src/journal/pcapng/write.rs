@@ -32,7 +32,7 @@ fn block(kind: u32, body: &[u8], out: &mut Vec<u8>) {
 
 /// Appends an option, padded to a multiple of four bytes.
 fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
-    // The limit has no effect, because names in a plant are short.
+    // Names in a plant are far shorter than this limit, so no name is cut.
     let value = &value[..value.len().min(u16::MAX.into())];
     out.extend(code.to_le_bytes());
     out.extend((value.len() as u16).to_le_bytes());
@@ -77,7 +77,7 @@ impl Format<Vec<u8>> for Pcapng {
                 Link::Profibus => PROFIBUS_DL,
             };
             interface.extend(link.to_le_bytes());
-            // Reserved; no limit to the length of packets.
+            // A reserved field, then a zero: the length of packets has no limit.
             interface.extend([0; 6]);
             option(NAME, bus.as_bytes(), &mut interface);
             option(RESOLUTION, &[MICROSECONDS], &mut interface);

@@ -17,7 +17,7 @@ const ERROR_FLAG: u32 = 1 << 29;
 /// Reads a line without white space at its ends.
 pub(super) fn entry(at: usize, line: &str) -> Result<Entry, &'static str> {
     let Some((time, rest)) = line.strip_prefix('(').and_then(|line| line.split_once(')')) else {
-        // A line that contains a length in brackets but no time.
+        // A line with a length in brackets is a line of `candump`. Here it has no time, so the error says so.
         return Err(if line.contains('[') { NO_TIME } else { NO_LINE });
     };
     let time_us = time_of(time).ok_or(NO_LINE)?;
@@ -125,11 +125,11 @@ fn seconds_of(date: &str, time: &str) -> Option<u64> {
     if !is_date || hours > 23 || minutes > 59 || seconds > 60 {
         return None;
     }
-    // Years are counted from March, so that the leap day is the last day of a year.
+    // In this calculation a year begins in March, so that the leap day is the last day of a year.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let leap_days = year / 4 - year / 100 + year / 400;
-    // The formula adds the days before this month in such a year. 719468 days are between 1 March of year 0 and 1
-    // January 1970.
+    // `(153 * month + 2) / 5` is the number of days before this month in a year that begins in March. 719468 days are
+    // between 1 March of year 0 and 1 January 1970.
     let days = 365 * year + leap_days + (153 * month + 2) / 5 + day - 1 - 719_468;
     Some(((days * 24 + hours) * 60 + minutes) * 60 + seconds)
 }

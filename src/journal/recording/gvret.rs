@@ -11,7 +11,8 @@ const FD: &str = "a frame of CAN FD; these buses carry classical CAN only";
 
 /// The columns that the head of a file names.
 pub(super) struct Columns {
-    /// Added to every time, in microseconds: the time of a logger whose clock is corrected may be negative (D-826).
+    /// Number of microseconds that is added to every time. If the clock of a logger was corrected, its times may be
+    /// negative (D-826).
     shift_us: u64,
     id: usize,
     extended: usize,

@@ -79,7 +79,7 @@ pub struct BitField {
     pub last: u8,
     /// Short name of the field of bits.
     pub name: &'static str,
-    /// Meaning of a single bit with value 0; empty if descriptions do not mention this value.
+    /// Meaning of a single bit with value 0; empty if descriptions omit a bit with the value 0.
     pub zero: &'static str,
     /// Meaning of a single bit with value 1.
     pub one: &'static str,

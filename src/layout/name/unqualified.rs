@@ -76,7 +76,7 @@ impl DeviceFit {
             .map_err(|refusal| self.without_percent(name).unwrap_or(refusal))
     }
 
-    /// Returns the result of `look`, if exactly one area gives a result.
+    /// Calls `look` for each area. Returns the result if exactly one area gives one.
     pub(super) fn only<T>(
         &self,
         name: &str,
