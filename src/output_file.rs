@@ -17,7 +17,8 @@ const MOST_LINKS: u32 = 40;
 /// Writes like a shell's `>`: follows links, and writes to pipes and devices. A file keeps its permissions.
 ///
 /// # Errors
-/// The file cannot be written. Its contents are then unchanged, unless no new file could be created beside it.
+/// The file cannot be written. After an error, its contents are unchanged, unless the file had to be overwritten
+/// because no new file can be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Prepared::new(path, bytes)?.finish()
 }
@@ -78,7 +79,8 @@ impl<'a> Prepared<'a> {
         let is_file = before.as_ref().map_or(true, Metadata::is_file);
         let begun = match end_of_links(path).filter(|_| is_file) {
             None if is_file => {
-                // Checks that the file exists and can be written, because no new file can be created here.
+                // No new file can be created here, so the existing file will be overwritten. This checks that it exists
+                // and can be written.
                 fs::OpenOptions::new().write(true).open(path)?;
                 None
             }
@@ -125,7 +127,7 @@ struct Unfinished(PathBuf, #[expect(dead_code, reason = "holds the lock")] File)
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        // After an error, nothing else can be done about the incomplete file.
+        // An error is ignored, because nothing else can be done about the incomplete file.
         let _ = fs::remove_file(&self.0);
     }
 }
@@ -135,7 +137,7 @@ fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinishe
     remove_leftovers(path);
     let (mut file, begun) = create_beside(path)?;
     let unfinished = Unfinished(begun, file.try_clone()?);
-    // A file of another user may be open to all users.
+    // The permissions of another user's file are not copied, because they may permit access to all users.
     let own = like.filter(|like| like.uid() == rustix::process::geteuid().as_raw());
     own.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
     file.write_all(bytes)?;
@@ -275,7 +277,7 @@ mod tests {
         assert_eq!(names(directory.path()), ["a.h"]);
     }
 
-    /// The kernel lets only root give files to others, so the test does nothing for other users.
+    /// Only root can give a file to another user. So the test does nothing if it is not run by root.
     #[test]
     fn the_permissions_of_another_users_file_are_not_kept() {
         let directory = tempfile::tempdir().unwrap();
@@ -354,8 +356,8 @@ mod tests {
         let own = format!("a.h.{}-0.part", std::process::id());
         // No process has this number: it is higher than the kernel's maximum.
         let (left, link) = ("a.h.4194305-3.part", "a.h.4194306-0.part");
-        // Names of files: the first is being written, the second was left by a killed process, and the third may belong
-        // to a living process. The remaining files have similar names.
+        // Names of files: the first file is being written, a killed process has left the second one, and the third one
+        // may belong to a living process. The other names are similar, but not those of temporary files.
         let all = [&own, left, "a.h.1-0.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
         for name in all {
             fs::write(directory.path().join(name), "left").unwrap();

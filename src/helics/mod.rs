@@ -149,8 +149,8 @@ impl Joining {
         self.broker.addresses().any(greets)
     }
 
-    /// Longest wait for the thread to send the last message and to end. A thread that is still joining cannot send a
-    /// message, so there is no wait for it.
+    /// Longest wait for the thread to send the last message and to end. A thread cannot send a message while it still
+    /// joins the federation. So there is no wait for it.
     fn farewell(&self) -> Duration {
         if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
     }

@@ -38,8 +38,8 @@ pub(super) trait MemoryValue: Copy + Eq {
     /// The conditions of [`MemoryValue::load`]; the memory is also valid for writes.
     unsafe fn store(at: *mut Self, value: Self);
 
-    /// Stores `new` if the memory holds `current` (Acquire and Release). Returns the old value: `Ok` if it was
-    /// `current`, otherwise `Err`.
+    /// Stores `new` if the memory holds `current` (Acquire and Release). Returns the old value: as `Ok` if `new` was
+    /// stored, as `Err` if the memory held another value.
     ///
     /// # Safety
     /// See [`MemoryValue::store`].
@@ -150,7 +150,8 @@ mod machine {
                 unsafe fn load(at: *const Self) -> Self {
                     // SAFETY: the caller guarantees that the pointer is valid.
                     let value = unsafe { <$atomic>::from_ptr(at.cast_mut()) }.load(Ordering::Relaxed);
-                    // The load is not an Acquire load: on read-only memory only Relaxed loads are guaranteed to work.
+                    // Rust guarantees only Relaxed loads on read-only memory. So the load above is Relaxed, and this
+                    // fence makes it an Acquire load.
                     fence(Ordering::Acquire);
                     value
                 }
@@ -190,7 +191,7 @@ mod tests {
     use super::MemoryValue;
     use core::fmt::Debug;
 
-    /// Writes and exchanges a word between two others, which must not change.
+    /// Writes and exchanges the middle one of three words. The other two words must not change.
     fn round_trip<T: MemoryValue + Debug + Default>(one: T, other: T) {
         let mut memory = [T::default(); 3];
         let at = &raw mut memory[1];
@@ -206,8 +207,8 @@ mod tests {
         assert_eq!(memory, [T::default(), other, T::default()]);
     }
 
-    /// The rules of this module hold only if all code uses it. So no other source file may contain atomics of these
-    /// widths. The only exception is the atomic of the cell, which is passed to system calls.
+    /// Access to the RAM is safe only if all code uses this module. So no other source file may contain atomics of
+    /// these widths. The only exception is the atomic of the cell, which is passed to system calls.
     #[test]
     #[cfg_attr(miri, ignore = "reads all sources, which takes too long under Miri")]
     fn no_other_code_accesses_the_ram() {

@@ -157,7 +157,8 @@ impl Attached {
         self.file.is_alive(&self.header_snapshot())
     }
 
-    /// True if the emulator to which this client attached has ended and could not save the changes in NOVRAM.
+    /// True if the emulator to which this client attached has ended, and could not save the changes that programs made
+    /// in NOVRAM.
     #[must_use]
     pub fn is_unsaved(&self) -> bool {
         let header = self.header_snapshot();
@@ -248,8 +249,8 @@ impl Attached {
         found.ok_or_else(|| MemoryError::Timeout { what: what.to_owned(), timeout })
     }
 
-    /// Waits until event `number` (0 to 15) has occurred more than `seen` times, and returns the number
-    /// of occurrences. `timeout` is real time.
+    /// Waits until event `number` (0 to 15) has occurred more than `seen` times since the start. Returns the number of
+    /// occurrences. `timeout` is real time.
     ///
     /// # Errors
     /// Returns the errors of [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].

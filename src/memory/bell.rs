@@ -1,11 +1,11 @@
 //! Bells: futex words in the header page that processes wait on and ring.
 //!
-//! Ringing makes a system call only if a process waits. One handshake makes this safe; it is written once below, and a
-//! model in the tests checks it exhaustively. The ringer increments the word and *then* reads the number of waiters.
-//! The waiter increments that number and *then* reads the word. A sequentially consistent fence separates the two steps
-//! on both sides, so at least one side sees the change of the other side, and no wake-up is lost. (Sequentially
-//! consistent accesses work as well and mix with the fences: C clients may use plain `atomic_fetch_add` and
-//! `atomic_load`.)
+//! Ringing makes a system call only if a process waits. A handshake of ringer and waiter makes this safe. It is
+//! implemented below, and a model in the tests checks all of its interleavings. The ringer increments the word and
+//! *then* reads the number of waiters. The waiter increments that number and *then* reads the word. A sequentially
+//! consistent fence separates the two steps on both sides, so at least one side sees the change of the other side, and
+//! no wake-up is lost. C clients may use `atomic_fetch_add` and `atomic_load`, which are sequentially consistent, in
+//! place of the fences.
 
 use super::Cell32;
 use core::sync::atomic::{self, Ordering};
@@ -29,7 +29,8 @@ const POLL: Duration = Duration::from_millis(1);
 pub struct Bell {
     /// Number of rings, wrapping. This word is the futex.
     word: Cell32,
-    /// Waiters that may be asleep. Too high a number (a waiter was killed) costs a system call per ring.
+    /// Number of waiters that may be asleep. If a waiter was killed, the number stays too high, and each ring makes an
+    /// unnecessary system call.
     waiters: Cell32,
 }
 
@@ -39,8 +40,8 @@ super::struct_tables::publish! { Bell: 0 => word, 4 => waiters }
 unsafe impl super::SharedRegs for Bell {}
 
 impl Bell {
-    /// Returns the number of rings so far, wrapping. Read it *before* the data that the bell announces;
-    /// then a wait for a ring after this number misses nothing.
+    /// Returns the number of rings so far, wrapping. Read the number *before* the data that the bell announces. Then
+    /// pass it to [`Bell::wait`], which returns immediately if the bell has rung since.
     pub fn rings(&self) -> u32 {
         self.word.load()
     }
@@ -82,8 +83,8 @@ pub(crate) fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Opt
     }
 }
 
-/// Sleeps until a bell rings, the time is over or a signal arrives. All errors of the calls mean one of
-/// these, or that there is no reason to sleep. The caller checks again in each case.
+/// Sleeps until a bell rings, the time is over or a signal arrives. An error of a system call means one of these
+/// events, or that there is no reason to sleep. In each case the caller checks the bells again.
 fn sleep(bells: &[(&Bell, u32)], left: Option<Duration>) {
     let pause = || std::thread::sleep(left.map_or(POLL, |left| left.min(POLL)));
     match bells {

@@ -50,8 +50,8 @@ macro_rules! cell {
             /// Writes the value into the register, in one atomic access.
             #[inline]
             pub fn store(&self, value: $value) {
-                // SAFETY: as in `load`; cells in memory that cannot be written are only lent out by `segment`, which
-                // does not store to them.
+                // SAFETY: as in `load`. Only `segment` has references to cells in read-only memory, and it does not
+                // store to them.
                 unsafe { MemoryValue::store(self.0.get(), value.to_le()) }
             }
 

@@ -62,7 +62,8 @@ mod tests {
         }
     }
 
-    /// A changed field or code needs a new version. A new code, or a new field in a reserved place, does not.
+    /// A change of a field or code needs a new ABI version. A new code needs none, and neither does a new field in a
+    /// reserved place.
     #[cfg(feature = "emulator")]
     #[test]
     fn the_page_changes_with_the_version_only() {

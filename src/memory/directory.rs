@@ -71,8 +71,9 @@ impl Directory {
         Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
     }
 
-    /// Writes a new file, accessible to this user only, and passes it to `then`, which gives it the final name. Removes
-    /// the file if either fails. A reader of the final name sees the old content or the complete new one.
+    /// Writes a new file, accessible to this user only, and passes it to `then`, which gives it the final name. If the
+    /// writing or `then` fails, removes the file. A reader of the final name sees the old content or the complete new
+    /// one.
     #[cfg(feature = "emulator")]
     pub(crate) fn with_new(
         &self,

@@ -11,15 +11,14 @@ use std::fs::File;
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::time::Duration;
 
-/// Number of times that the kernel's table of locks is read. One read is not enough: while other locks change, a reader
-/// may miss a line.
+/// Number of times that the kernel's table of locks is read. While other locks change, a single read may miss a line.
 const READS: usize = 3;
 /// Marks the SIGTERM of [`EmulatorProcess::terminate`]. The mark is in the field `si_errno`, which Linux passes on and does
 /// not use.
 const STOP_MARK: i32 = i32::from_be_bytes(*b"stop");
 
-/// True if [`EmulatorProcess::terminate`] has sent this signal. The signal then concerns only the emulator in this
-/// process, not the command of `commram with`.
+/// True if [`EmulatorProcess::terminate`] has sent this signal. Such a signal ends only the emulator in this process,
+/// and not the command that `commram with` runs.
 #[cfg(feature = "cli")]
 pub(crate) fn is_from_stop(signal: &libc::siginfo_t) -> bool {
     (signal.si_signo, signal.si_code, signal.si_errno) == (libc::SIGTERM, libc::SI_QUEUE, STOP_MARK)
@@ -50,7 +49,8 @@ impl EmulatorProcess {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
             let process = ProcessId::of(pid).map_or(Ok(None), Self::pin)?;
-            // The number may have been reused before the process was pinned.
+            // The process may have ended before it was pinned, and another process may have its number. So the lock is
+            // checked again.
             if locks::holder_of(file) == Some(pid) {
                 return Ok(process);
             }
@@ -97,7 +97,7 @@ impl EmulatorProcess {
     /// Waits for the end of the process, for at most `limit`. Returns true if it has ended.
     pub fn wait(&self, limit: Duration) -> bool {
         let mut ended = [PollFd::new(&self.descriptor, PollFlags::IN)];
-        // A signal may interrupt the wait; the caller then calls this function again.
+        // A signal may interrupt the wait, so the error is ignored: the caller then calls this function again.
         let _ = poll(&mut ended, Timespec::try_from(limit).ok().as_ref());
         let [ended] = ended;
         !ended.revents().is_empty()

@@ -206,8 +206,8 @@ pub enum MemoryError {
         /// Version that this program uses.
         expected: u32,
     },
-    /// An emulator of another build was killed, and its image still exists. Clients that still map the image use the
-    /// registers of that build.
+    /// An emulator of another build was killed, and its image still exists. Clients may still map this image with the
+    /// register map of that build.
     #[error("{} was left by a commram with register map 16#{found:016X}, this one (version {}) was built with \
              16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
              .path.display(), env!("CARGO_PKG_VERSION"))]

@@ -28,7 +28,7 @@ impl ImageFile {
     pub(crate) fn open(instance: &str, plc: &str, write: bool) -> Result<Option<Self>, MemoryError> {
         let path = names::image_path(instance, plc)?;
         let access = if write { OFlags::RDWR } else { OFlags::RDONLY };
-        // NONBLOCK: a pipe under this name must be refused, not waited for.
+        // NONBLOCK: if a pipe has this name, the open must not wait for its writer. The pipe is refused later.
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
@@ -111,8 +111,8 @@ impl ImageFile {
             && (emulator(header).is_running() || self.is_locked())
     }
 
-    /// True if a process has locked the file. The check takes a shared lock for a moment. A starting emulator waits
-    /// longer than this moment.
+    /// True if a process has locked the file. The check takes a shared lock for a moment. An emulator that starts
+    /// meanwhile waits for the lock.
     pub(crate) fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
             // If the unlock fails, closing the file releases the lock.

@@ -1,8 +1,8 @@
 //! The header page as the firmware of a device sees it: the values that it shows, and the requests that it reads.
 //!
 //! Usually values and requests are in the same page. In a federation several hosts run the same plant, and all of them
-//! must have a request of a program before the firmware of any host reads it. There the firmware reads requests in a
-//! separate page, which the emulator updates.
+//! must have a request of a program before the firmware of any host reads it. In a federation, the firmware therefore
+//! reads requests in a separate page, which the emulator updates.
 
 use super::{Cell32, Header, View};
 use core::ops::Deref;
@@ -38,7 +38,8 @@ impl FirmwareHeader {
         core::ptr::eq(&raw const *self.current, &raw const *self.requested)
     }
 
-    /// Applies an action to the cells that programs write, in both pages; once if they are one.
+    /// Applies an action to cells that programs write: in the page of programs, and in the separate page of the
+    /// firmware if there is one.
     pub fn both(&self, act: impl Fn(&Header)) {
         act(&self.requested);
         if !self.is_one_page() {
@@ -57,7 +58,8 @@ impl FirmwareHeader {
         let request = cell(&self.requested).load();
         let is_taken = request != 0 && cell(&self.requested).compare_exchange(request, 0).is_ok();
         if is_taken && !self.is_one_page() {
-            // A newer request of a program is copied to the firmware's page later.
+            // If a program has stored a newer request, the exchange fails and keeps it. The emulator copies it to the
+            // firmware's page later.
             let _ = cell(&self.current).compare_exchange(request, 0);
         }
         is_taken.then_some(request)

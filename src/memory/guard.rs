@@ -19,8 +19,8 @@ use std::os::fd::{BorrowedFd, RawFd};
 
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
-/// A fault (SIGBUS) in a file with its full length can be caused by another thread, so the access is tried again. After
-/// this number of consecutive faults memory must be missing, and the handler gives up.
+/// If a fault (SIGBUS) is in a file that has its full length, another thread may have just repaired it, so the access
+/// is tried again. After this number of consecutive faults memory must be missing, and the handler gives up.
 const MAX_TRIES: usize = 16;
 /// Message of an emulator when it cannot continue.
 const LAST_WORDS: &[u8] =
@@ -107,10 +107,10 @@ impl Guard {
         self.slot().is_some_and(|slot| slot.mended.load(Ordering::Acquire))
     }
 
-    /// Restores the length of the file before any access to the map raises SIGBUS.
+    /// Restores the length of a shortened file now, before an access to the map raises SIGBUS.
     pub(crate) fn look(&self) {
         if let Some(slot) = self.slot() {
-            // Without memory, the next access to the map ends the process.
+            // The result is ignored: if there is no memory, the next access to the map ends the process.
             let _ = slot.grow_back();
         }
     }

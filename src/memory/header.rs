@@ -31,7 +31,7 @@ pub const HEADER_SIZE: usize = 4096;
 pub const MAGIC: u64 = u64::from_le_bytes(*b"commram\0");
 /// Version of the header's layout and rules. It changes when an old client would misread the page.
 pub const ABI_VERSION: u32 = 3;
-/// Number of event slots, one per event number (manual 5.00005.03a p. 47-60 uses 0 to 12).
+/// Number of event slots, one for each event number. The manual uses the numbers 0 to 12 (5.00005.03a p. 47-60).
 pub const EVENT_SLOTS: usize = 16;
 /// Number of triggers that `OPT_INIT` routes: trigger 1, trigger 2, trigger controller (p. 57-58).
 pub const TRIGGERS: usize = 3;
@@ -72,7 +72,8 @@ pub struct Header {
     pub firmware_start: Cell64,
     /// Emulated time in microseconds since the emulator's start.
     pub virtual_time_us: Cell64,
-    /// The processor cycle in microseconds: the longest delay until the firmware sees a store without a ring.
+    /// The processor cycle in microseconds. If a client stores without ringing the doorbell, the firmware sees the
+    /// store after at most this time.
     pub processor_cycle_us: Cell32,
     /// Number of SYNC pulses that each port has received, wrapping, in the order of [`Header::ports`].
     pub sync_counter: [Cell32; PORTS],
@@ -211,7 +212,7 @@ pub fn field_at(offset: usize) -> Option<&'static str> {
 
 impl Header {
     /// Announces a change of [`Header::state`] to all processes that wait for an answer. The bells of the events do not
-    /// ring, because their counts are numbers of events.
+    /// ring, because each ring of such a bell counts as an event.
     pub(super) fn announce(&self) {
         self.answer.ring();
         self.channel_reply.ring();
@@ -239,7 +240,8 @@ impl Header {
         ports.for_each(|(entry, port)| entry.set_fit(fitted.port(port.number)));
     }
 
-    /// Returns `device`, which must be the device of this image, with the options that the ports describe.
+    /// Returns `device` with the options that the port entries of this page describe. `device` must be the device of
+    /// this image.
     #[must_use]
     pub fn fitted(&self, device: &'static DeviceLayout) -> DeviceFit {
         let ports = self.ports.iter().zip(device.ports);
@@ -325,12 +327,12 @@ impl Header {
     }
 }
 
-/// Longest time in microseconds by which a program computes the emulated time ahead of `virtual_time_us`. It is the
-/// longest step of the emulator in real time: a clock that is later by more drops the rest when its speed changes
-/// (D-789).
+/// A program computes the emulated time at most this time ahead of `virtual_time_us`, in microseconds. The emulator
+/// makes no longer step in real time: if its clock is late by more and its speed changes, it drops the rest (D-789).
 pub const LONGEST_LEAD_US: u64 = 100_000;
 
-/// Number of reads after which a program no longer waits for the new clock of an emulator that may have died.
+/// Number of reads after which a program stops to wait for the new clock, because the emulator may have died during the
+/// change.
 const LONGEST_CHANGE: u32 = 1_000_000;
 
 /// Returns a name field as text, up to its first zero. Invalid UTF-8 becomes U+FFFD.

@@ -207,9 +207,10 @@ impl Drop for Image {
     fn drop(&mut self) {
         // An error cannot be reported here. If the file stays, the next emulator takes it over.
         let _ = self.file.unlink();
-        // The state is set after the removal, so a process that sees this state can use the name.
+        // The state is set after the removal. So a process that reads the state `Stopped` can use the name for a new
+        // image.
         self.set_state(self.end);
-        // The unlock is last, because it ends the wait of `commram stop`. Closing the file is not enough: it stays
+        // The unlock is the last step, because `commram stop` waits for it. Closing the file is not enough: it stays
         // open, and locked, while any part of this process has mapped the header page.
         let _ = self.file.file.unlock();
     }
@@ -264,7 +265,7 @@ impl AsFd for ImageFileWatch {
     }
 }
 
-/// Allocates all memory of the file now. If memory were missing later, the access to a page would kill the process.
+/// Allocates all memory of the file at once. Otherwise, a later access to a page without memory would kill the process.
 fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
     match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, needed as u64) {
         Ok(()) => Ok(()),

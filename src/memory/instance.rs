@@ -1,7 +1,8 @@
 //! The lock of an instance: one emulator per name, independent of the names of its PLCs.
 //!
 //! The lock is a file in the instance's directory, which belongs to one user. The images have separate locks, by which
-//! clients detect a running emulator. The locks of the images alone would not keep out an emulator with other PLCs.
+//! clients detect a running emulator. These locks are not enough, because an emulator with other PLCs has images of
+//! other names.
 
 use super::private::PrivateDir;
 use super::process::ProcessId;
@@ -24,7 +25,7 @@ const FOLDERS: &str = "devices";
 const LONGEST_FOLDERS: u64 = 1 << 20;
 /// Word in a lock file, after the process: this process only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
-/// Longest wait for a lock: its holder may be ending, or a client may be checking it.
+/// Longest wait for a lock. Its holder may be an emulator that ends, or a client that checks the lock.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// The right to be the emulator of an instance, or to remove the files of a killed one. Other processes are refused
@@ -58,7 +59,8 @@ impl InstanceLock {
     fn take_as(instance: &str, signature: &str) -> Result<Self, MemoryError> {
         let path = names::channel_root(instance)?;
         Self::try_to_take(instance, &path, signature).inspect_err(|error| {
-            // An empty directory is of no use. An emulator that starts creates the directory again.
+            // The directory may be empty now. An emulator that starts creates it again, so an empty directory is
+            // removed.
             if matches!(error, MemoryError::System { .. }) {
                 let _ = std::fs::remove_dir(&path);
             }
@@ -77,7 +79,7 @@ impl InstanceLock {
             match file.try_lock() {
                 Ok(()) if directory.is_named() && directory.names(LOCK, &file) => {
                     let lock = Self { instance: instance.to_owned(), directory, file };
-                    // If this fails for lack of memory, dropping the lock removes the file.
+                    // If the file system has no memory, this write fails, and dropping `lock` removes the file.
                     sign(&lock.file, signature).map_err(|reason| failed("write", reason))?;
                     return Ok(lock);
                 }
@@ -122,7 +124,7 @@ impl InstanceLock {
         folders: impl IntoIterator<Item = &'p Path>,
     ) -> Result<(), MemoryError> {
         let lines: Vec<_> = folders.into_iter().map(|path| format!("{}\n", path.display())).collect();
-        // A killed emulator may not have removed its list.
+        // An emulator that was killed may have left its list.
         self.directory.remove(FOLDERS);
         if lines.is_empty() {
             return Ok(());

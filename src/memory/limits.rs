@@ -63,7 +63,7 @@ pub(crate) fn allow_stack() -> Result<(), MemoryLimit> {
 }
 
 /// Data and address space that a command needs after its start, in bytes: stacks of threads, the heap, and the report
-/// of a panic. Without memory that report would never end.
+/// of a panic. If there is no memory, that report never ends.
 #[cfg(feature = "cli")]
 pub(crate) const OF_A_COMMAND: u64 = 16 << 20;
 
@@ -128,8 +128,8 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
     // The listing itself uses one descriptor.
     let open = match fs::read_dir(OPEN_FILES) {
         Ok(files) => files.count().saturating_sub(1) as u64,
-        // Without /proc, the number of open descriptors is estimated: a new descriptor gets the lowest free number. If
-        // the file cannot be opened, all descriptors are in use.
+        // Without /proc, the number of open descriptors is estimated by opening a file: its descriptor is the lowest
+        // free number. If the file cannot be opened, all descriptors are in use.
         Err(_) => fs::File::open(NOTHING).map_or(u64::MAX, |file| u64::from(file.as_raw_fd().unsigned_abs())),
     };
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
@@ -156,7 +156,8 @@ pub(crate) struct FileLimit {
 }
 
 /// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
-/// threads grow in steps of 132 KiB. Random addresses and the order of threads decide whether one more step is needed.
+/// threads grow in steps of 132 KiB. Whether one more step is needed depends on random addresses and on the order of
+/// threads.
 #[cfg(feature = "emulator")]
 const SPREAD: u64 = 512 << 10;
 

@@ -17,7 +17,7 @@ pub(super) fn holder_of(file: &File) -> Option<u32> {
 
 /// Returns the holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
 fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
-    // The line of a process that waits for a lock has `->` instead of the kind.
+    // A line about a process that waits for a lock has `->` in this field, so it is not accepted.
     let mut fields = line.split_ascii_whitespace().skip(1);
     let is_exclusive = fields.next()? == "FLOCK" && fields.nth(1)? == "WRITE";
     let pid = fields.next()?.parse().ok()?;
@@ -40,7 +40,7 @@ mod tests {
         file.lock_shared().unwrap();
         assert_eq!(holder_of(&file), None, "a shared lock is not meant");
         file.lock().unwrap();
-        // A file system may show other device numbers in the table.
+        // On some file systems, the device number in the table differs from that of `stat`. Then no holder is found.
         assert!(holder_of(&file).is_none_or(|pid| pid == std::process::id()));
         let memory = tempfile::tempfile_in(super::super::names::IMAGE_DIRECTORY).unwrap();
         memory.lock().unwrap();

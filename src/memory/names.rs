@@ -1,7 +1,7 @@
 //! Rules for names of instances and PLCs, and the paths of their files.
 //!
-//! Names of instances and PLCs contain no dot, so `commram.<instance>.<plc>` can be split in only one way. The names of
-//! other files of an instance have one dot more than the name of an image.
+//! Names of instances and PLCs contain no dot, so `commram.<instance>.<plc>` can be split in only one way. The name of
+//! an image has two dots. The names of other files of an instance have three dots.
 
 use super::MemoryError;
 use std::path::{Path, PathBuf};

@@ -84,7 +84,7 @@ pub(crate) fn end() -> io::Result<OwnedFd> {
 fn watch(images: &[ImageFileWatch]) -> io::Result<OwnedFd> {
     let opened = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
     for image in images {
-        // The path contains the descriptor: the name of the file may have been removed or replaced.
+        // The path leads to the open descriptor, because the name of the file may have been removed or replaced.
         let path = format!("/proc/self/fd/{}", image.as_fd().as_raw_fd());
         inotify::add_watch(&opened, path, WatchFlags::OPEN)?;
     }

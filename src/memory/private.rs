@@ -41,7 +41,7 @@ impl PrivateDir {
                 Ok(()) | Err(Errno::EXIST) => {}
                 Err(errno) => return Err(failed(path, "create", errno)),
             }
-            // A process that ends may have removed the directory in the meantime.
+            // Between the two calls, a process that ends may have removed the directory.
             if let Some(directory) = Self::open(path)? {
                 return Ok(directory);
             }
@@ -67,7 +67,8 @@ impl PrivateDir {
     }
 
     /// Opens the file `name` in this user's directory at `path`, to which other users may write. `None` if the file is
-    /// not a regular file of this user with exactly one name: another user may have put it into the directory.
+    /// not a regular file of this user with exactly one name. A file with several names may be a hard link that another
+    /// user has put into the directory.
     ///
     /// # Errors
     /// Returns the errors of [`PrivateDir::find_file`].
@@ -208,7 +209,7 @@ impl Drop for DirectoryLock {
     }
 }
 
-/// True if both exist and are the same file.
+/// True if both results describe existing files, and these are the same file.
 fn is_same(one: Result<Stat, Errno>, other: Result<Stat, Errno>) -> bool {
     matches!((one, other), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
 }

@@ -13,7 +13,7 @@ pub(crate) struct ProcessId {
 }
 
 impl ProcessId {
-    /// This process. Without `/proc` the start time is 0, which never makes this process look dead.
+    /// Returns this process. Without `/proc` the start time is 0. This value never makes a running process look ended.
     pub(crate) fn own() -> Self {
         let pid = std::process::id();
         let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);

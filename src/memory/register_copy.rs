@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Number of bytes; ranges are extended to multiples of this number.
 const LINE: usize = 64;
-/// Number of words that are first compared as a whole, because most words are unchanged. Only a difference leads to a
-/// comparison of single words.
+/// Number of words that are compared at once, because most words are unchanged. Single words are compared only if such
+/// a group differs.
 const AT_ONCE: usize = 256;
 
 /// A copy of the registers in some ranges.
@@ -94,8 +94,8 @@ impl Segment {
         stored
     }
 
-    /// Applies to this memory segment a store that another process made in another memory segment of the same device.
-    /// Ignores words outside the memory segment.
+    /// Repeats in this memory segment a store that another process has made in the memory segment of the same device on
+    /// another host. Ignores words outside the memory segment.
     pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
         let StoredBytes { offset, mask, value } = *stored;
         let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);

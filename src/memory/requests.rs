@@ -5,8 +5,9 @@ use crate::layout::{FrontWord, Owner};
 use core::iter;
 
 impl Header {
-    /// Returns the cells that programs write, for a device with this front. Requests come before their parameters.
-    /// Programs store the parameters first, so a reader in this order that finds a request also finds its parameters.
+    /// Returns the cells that programs write, for a device with this front. Requests precede their parameters in this
+    /// list, but programs store the parameters first. So a reader that reads the cells in this order and finds a
+    /// request also finds its parameters.
     fn request_cells<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
         let Header { board, program, initial_flag: flag, opt_init, .. } = self;
         let requests =
@@ -60,8 +61,8 @@ impl Segment {
         changed
     }
 
-    /// Applies to this memory segment a change that was delivered in another memory segment of the same device. Ignores
-    /// an index without a cell.
+    /// Repeats in this memory segment a change that [`Segment::deliver_requests`] has returned for the same device on
+    /// another host. Ignores an index without a cell.
     pub(crate) fn store_request(&self, front: &[FrontWord], index: u16, value: u32) {
         self.for_each_request_cell(front, |at, asked, written| {
             if at == index {

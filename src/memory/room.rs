@@ -18,17 +18,17 @@ pub(crate) fn free() -> Option<u64> {
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 
-/// Number of inodes that a channel and some clients need. With fewer free inodes, their lack can be the reason for an
+/// Number of inodes that a channel and some clients need. If fewer inodes are free, this can be the reason for an
 /// error.
 const FEW_INODES: u64 = 32;
 
-/// Returns the text about free inodes, to append to the error of a system call at `path`; empty if inodes do not
-/// explain the error.
+/// Returns the text about free inodes, to append to the error of a system call at `path`; empty if enough inodes are
+/// free.
 pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
     if Errno::from_io_error(reason) != Some(Errno::NOSPC) {
         return String::new();
     }
-    // The directory of a failed start has been removed.
+    // After a failed start the directory no longer exists, so the check uses the nearest directory that exists.
     let is_there = |directory: &&Path| directory.is_dir();
     describe_inodes(path.ancestors().skip(1).find(is_there).unwrap_or(Path::new(".")))
 }
@@ -116,7 +116,7 @@ mod tests {
         assert!(check("room", lengths(1)).is_ok());
         let error = check("room", lengths(usize::MAX / 4)).unwrap_err();
         assert!(matches!(error, MemoryError::NoRoomForAll { count: 3, .. }), "{error}");
-        // For a single image the system reports the error.
+        // A single image is not checked here, because its creation reports the error.
         assert!(check("room", [("a", usize::MAX)].into_iter()).is_ok());
     }
 }

@@ -1,8 +1,8 @@
 //! Finds a running instance, even if its directory or files were changed.
 //!
 //! An emulator holds the lock in the instance's directory, and the locks of its images, until it has removed its files.
-//! Files that are opened here, and the pinned process, remain those of this emulator, even when another emulator of the
-//! same name starts.
+//! Open files and a pinned process always refer to the emulator that was found, even when another emulator of the same
+//! name starts.
 
 use super::file::ImageFile;
 use super::instance::{self, LOCK};
@@ -43,7 +43,7 @@ impl RunningInstance {
     /// The name is invalid, the operating system refuses the operation, or no emulator is found and the instance's
     /// directory is accessible to other users.
     pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
-        // If files cannot be opened, the emulator would not be found.
+        // An emulator is not found if its files cannot be opened. So a limit of open files that is too low is an error.
         let refused = |_| MemoryError::System {
             path: names::IMAGE_DIRECTORY.into(),
             doing: "open the files of an instance",
@@ -88,7 +88,8 @@ impl RunningInstance {
             let image = match ImageFile::open(instance, &plc, false) {
                 Ok(Some(image)) => image,
                 Err(refused) if refused.is_shortage() => return Err(refused),
-                // An emulator does not serve an entry that is not a regular file of this user.
+                // An entry that is not a regular file of this user cannot be the image of a running emulator, so it is
+                // skipped.
                 Ok(None) | Err(_) => continue,
             };
             if !image.is_locked() {
@@ -100,7 +101,7 @@ impl RunningInstance {
             }
             files.push(LockedFile { path: image.path, file: image.file });
         }
-        // Between two of these steps, a process that removes files may have started or ended.
+        // A process that removes files may start or end between these checks, so the search is repeated.
         let (begun, all_free) =
             (is_cleaned(&lock_file(instance).ok().flatten()), !files.iter().any(LockedFile::is_locked));
         if begun || files.is_empty() || all_free {
@@ -132,8 +133,8 @@ impl RunningInstance {
         }
     }
 
-    /// True if files of the emulator, which has ended, still have their names. The emulator was then killed. Files that
-    /// another emulator has taken over do not count.
+    /// Called after the end of the emulator. True if its files still have their names, because it was killed before it
+    /// removed them. Files that another emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
         self.files.iter().any(|file| file.is_named() && !file.is_locked())
     }

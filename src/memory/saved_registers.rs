@@ -12,8 +12,8 @@ use zerocopy::IntoBytes;
 
 /// Number of bytes of a line. Lines of zeros are not saved.
 const LINE: usize = 64;
-/// Number of bytes that are copied and compared in one step. Large steps are fast, which matters if a program has
-/// filled all registers.
+/// Number of bytes that are copied and compared in one step. Large steps are faster. The difference is noticeable if a
+/// program has filled all registers.
 const CHUNK: usize = 64 * LINE;
 const WORDS: usize = CHUNK / size_of::<u32>();
 /// Marks the end of the saved registers, after the last run of lines.
@@ -104,8 +104,8 @@ impl Segment {
     /// Stores words that differ, up to the end of the memory segment.
     fn put(&self, at: usize, bytes: &[u8]) {
         for (at, word) in (at..self.size()).step_by(4).zip(bytes.as_chunks().0) {
-            // SAFETY: inside the memory segment, with a length that is a multiple of 4, aligned and mapped as above;
-            // only a memory segment that is writable has firmware.
+            // SAFETY: inside the memory segment, with a length that is a multiple of 4, aligned and mapped as above; a
+            // memory segment with firmware is always writable.
             unsafe {
                 let to = self.base().add(at).cast_mut().cast::<u32>();
                 let word = u32::from_ne_bytes(*word);

@@ -1,4 +1,4 @@
-//! The RAM of one device. In the PLCs, this is segment 3: byte n is `%MB3.n`.
+//! The RAM of one device. A PLC addresses it as its segment 3: byte n is `%MB3.n`.
 //!
 //! Access rules, enforced here:
 //!
@@ -8,9 +8,9 @@
 //!    takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
 //!    replaces the whole register by compare-exchange.
 //! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned
-//!    32-bit or 64-bit words for registers of any width. Each register is within one word, so none is torn; copying
-//!    megabytes field by field would cost four times as much. These functions never write. Different words of a copy
-//!    may be from different moments, so related values must be read under their handshake.
+//!    32-bit or 64-bit words for registers of any width. Each register is within one word, so no register is torn. A
+//!    copy of each register separately would take four times as long. These functions never write. Different words of a
+//!    copy may be from different moments, so related values must be read under their handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
 //!    device's front panel, [`Header::front`].
 
@@ -163,7 +163,8 @@ impl Segment {
         Ok(FirmwareHeader::new(shown, asked))
     }
 
-    /// Returns the same memory for firmware that reads requests in a separate page. This page has no requests yet.
+    /// Returns a handle on the same memory, for firmware that reads requests in a separate page. At first, that page
+    /// has no requests.
     #[cfg(feature = "emulator")]
     #[must_use]
     pub(crate) fn with_request_page(self) -> Segment {
@@ -186,7 +187,7 @@ impl Segment {
     }
 
     /// Returns a private copy of the registers that begin at `%MB3.offset`, as a block of cells with named registers.
-    /// It may be torn between registers.
+    /// Different registers may be from different moments.
     ///
     /// # Errors
     /// The range is out of bounds or in the header page.
@@ -238,8 +239,8 @@ impl Segment {
         Ok(())
     }
 
-    /// Stores `new` to the register at `%MB3.offset` if it still holds `current`. The inner result is
-    /// the value replaced, or as its error the value found instead of `current`.
+    /// Stores `new` to the register at `%MB3.offset` if it still holds `current`. The inner result is the replaced
+    /// value as `Ok`, or the value of the register as `Err` if it was not `current`.
     ///
     /// # Errors
     /// Returns the errors of [`Segment::store`], for both values.
@@ -313,8 +314,8 @@ impl Segment {
         self.update(register_offset, register_width, |whole| whole & !mask | value << shift).map(drop)
     }
 
-    /// Copies the bytes from `%MB3.offset` on, in the device's order (little endian). The copy may be
-    /// torn between 32-bit words.
+    /// Copies the bytes from `%MB3.offset` on, in the device's order (little endian). Different 32-bit words of the
+    /// copy may be from different moments.
     ///
     /// # Errors
     /// The range is out of bounds or in the header page.

@@ -58,7 +58,7 @@ impl FieldKind {
 }
 
 impl Field {
-    /// Returns the field of `S` that `_get` returns, at `offset`.
+    /// Describes a field of `S`. `_get` only tells the compiler the type of the field.
     pub(super) const fn of<S, T: Described>(offset: usize, name: &'static str, _get: fn(&S) -> &T) -> Self {
         Self { offset, name, kind: T::KIND, count: T::COUNT }
     }
@@ -83,7 +83,7 @@ impl Field {
     #[must_use]
     pub fn meaning(&self) -> Option<String> {
         let Self { offset, name, .. } = self;
-        // Offsets in a part of the page are written with a sign.
+        // The contract writes offsets within a sub-structure with a sign.
         let rows = ["", "+"].map(|sign| format!("| {sign}{offset} | {} | `{name}` |", self.bytes()));
         let line = CONTRACT.lines().find(|line| rows.iter().any(|row| line.starts_with(row)))?;
         let last = line.trim_end().trim_end_matches('|').rsplit('|').next()?;

@@ -38,7 +38,7 @@ impl<T: SharedRegs> View<T> {
         Ok(Self { cells, keep })
     }
 
-    /// Returns a view of a part of this one: a field or an array element.
+    /// Returns a view of a part of the block: a field or an array element.
     ///
     /// ```
     /// # use commram::memory::{Cell16, Segment};

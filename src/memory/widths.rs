@@ -50,7 +50,8 @@ impl RegisterWidths {
     pub fn of(fitted: &DeviceFit) -> Self {
         let device = fitted.device();
         let areas = device.all_areas().map(|area| {
-            // Counts only the bytes that have registers: option interfaces are large and empty.
+            // Only the bytes up to the end of the registers are stored, because the areas of option interfaces are
+            // large and mostly empty.
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
             if device.is_front(area.first) {
@@ -71,8 +72,8 @@ impl RegisterWidths {
         RegisterWidths { device, areas: areas.collect() }
     }
 
-    /// Returns the area that contains all of `offset .. offset + len`; the error is the first byte outside all areas.
-    /// The number of retain flags of a PLC is read from the header page.
+    /// Returns the area that contains all bytes of `offset..offset + len`. The error is the first byte that no area
+    /// contains. The number of retain flags of a PLC is read from the header page.
     fn area(&self, segment: &Segment, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
         let area = self
             .areas
@@ -131,7 +132,8 @@ impl RegisterWidths {
         Ok(())
     }
 
-    /// Writes `new` if the memory holds `current`; the inner result is the old value, `Ok` if written.
+    /// Writes `new` if the memory holds `current`. The inner result is the old value: as `Ok` if `new` was written,
+    /// otherwise as `Err`.
     ///
     /// # Errors
     /// No register area covers the access.
@@ -149,8 +151,8 @@ impl RegisterWidths {
         if parts.next().is_none() {
             return exchange_part(segment, first, current, new).map_err(|_| missing);
         }
-        // Several registers cannot be exchanged in one step. The firmware does not run between the load and the store.
-        // A client that has mapped the image may write between them, as on the device.
+        // Several registers cannot be exchanged in one step, so they are loaded and then stored. The firmware does not
+        // run in between, but a client that has mapped the image may write in between, as on the device.
         let seen = self.load(segment, offset, width)?;
         if seen != current {
             return Ok(Err(seen));
@@ -159,8 +161,8 @@ impl RegisterWidths {
         Ok(Ok(seen))
     }
 
-    /// Returns the registers of which `len` bytes from `offset` on contain a part: the offset and width of each
-    /// register, in ascending order. Plain RAM counts as doublewords, or as one item if it fills the whole range.
+    /// Returns offset and width of each register with a byte in `offset..offset + len`, in ascending order. Plain RAM
+    /// is divided into doublewords. A range that is only plain RAM is one item if it has the length of a register.
     ///
     /// # Errors
     /// No register area covers one of the bytes.

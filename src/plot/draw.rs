@@ -295,7 +295,7 @@ fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     kept
 }
 
-/// Shortens a name to the width of the column. The end of the name remains, because it distinguishes the name.
+/// Shortens a name to the width of the column. Removes the beginning, because names differ mostly at their ends.
 fn shortened(name: &str) -> &str {
     let too_many = name.len().saturating_sub(LONGEST_NAME);
     &name[name.ceil_char_boundary(too_many)..]
@@ -375,7 +375,7 @@ mod tests {
         reader.next_frame(&mut pixels).unwrap();
         let (width, height) = size(&plot());
         assert_eq!(pixels.len(), (3 * width * height) as usize);
-        // The column of names of the first row: paper, and ink.
+        // The lines of pixels of the first row. In its column of names there must be background and ink.
         let rows = top(&plot())..top(&plot()) + OTHER;
         let column = rows.flat_map(|y| (0..NAMES).map(move |x| 3 * (y * WIDTH + x) as usize));
         let dark = column.filter(|at| pixels[*at] < 100).count();

@@ -22,7 +22,8 @@ pub struct Row {
     pub name: String,
     /// Style in which the values are drawn.
     pub style: Style,
-    /// Times in microseconds, ascending, each with the register's value from this time on, as a number of its type.
+    /// Points of the row: the time in microseconds, ascending, and the register's value from this time on, as a number
+    /// of the register's type.
     pub points: Vec<(u64, i64)>,
     /// Text for each entry of `points`: the value, and after two blanks its meaning.
     pub texts: Vec<String>,
@@ -36,8 +37,7 @@ impl Row {
     /// Creates a row for the register at `place`, with all its values in a journal. For a single bit, these are the
     /// values of its register.
     pub fn of(name: String, place: &NamedLocation, past: &Past) -> Self {
-        // Types and meanings of overlaid registers depend on the phase. A plot uses the last phase for the types and
-        // for the meanings.
+        // Types and meanings of overlaid registers depend on the phase. So the plot uses those of the last phase.
         let live = place.last_phase();
         let bit = place.bit_in();
         let number = |value: u32| match bit {
@@ -92,13 +92,14 @@ impl Row {
         }
     }
 
-    /// Keeps a number constant until the interval in which it changes.
+    /// A line rises from each value to the next. This function adds points, so that the number stays constant until the
+    /// interval in which it changes.
     fn hold(&mut self, edges: &[u64]) {
         let mut held: Vec<(u64, i64)> = Vec::with_capacity(2 * self.points.len());
         let mut texts = Vec::with_capacity(2 * self.points.len());
         for ((time, value), text) in self.points.iter().zip(&self.texts) {
             if let Some((before, value)) = held.last().copied() {
-                // The change starts at the last edge before it. Without SYNC, this start is unknown.
+                // The change begins at the last SYNC edge before it. Without SYNC, the begin is unknown.
                 let at =
                     edges.partition_point(|edge| edge < time).checked_sub(1).map_or(*time, |at| edges[at]);
                 if at > before {

@@ -1,4 +1,4 @@
-//! Executes operations. Only this module defines the effects of operations.
+//! Executes operations. This module is the only place that defines the effects of operations.
 
 mod buses;
 mod clock;
@@ -28,7 +28,8 @@ use crate::layout::Test;
 pub struct Execution {
     /// Latest end of the operation in progress, in emulated microseconds.
     end: Option<u64>,
-    /// Emulated time at which the present part of the operation ends, in microseconds. Pauses do not change the parts.
+    /// An operation advances the clock in parts. This is the emulated time at which the present part ends, in
+    /// microseconds. A pause within a part does not change its end.
     part: Option<u64>,
     /// True if the operation has advanced the clock.
     has_set_out: bool,
@@ -38,7 +39,8 @@ pub struct Execution {
     conditions: Vec<(Register, Test)>,
     /// Octets of the telegram that the request is sending.
     octets: Vec<u8>,
-    /// Number of the client, because a client sends a file in several requests. 0 for operations of the same process.
+    /// Number of the client. It connects the several requests in which a client sends a file. 0 for operations of the
+    /// emulator's own process.
     client: u128,
     /// Process id of a client that requests the host to end, if it is known.
     process: Option<u32>,

@@ -37,8 +37,8 @@ pub(super) struct TestForm {
     value: u32,
 }
 
-/// Declares a module for serde (`with = ".."`) that serializes a type as another type, its form. The form must have
-/// conversions from a reference, and back to the type if it is valid.
+/// Declares a module for serde (`with = ".."`) that serializes a type as another type, its form. The form must
+/// implement `From` for a reference to the type, and a conversion back to the type that refuses invalid forms.
 macro_rules! sent_as {
     ($($module:ident: $type:ty => $form:ty, $what:literal;)+) => {$(
         pub(super) mod $module {
@@ -142,7 +142,8 @@ impl FaultForm {
             let device = kind.declaration().map(|declaration| declaration.device);
             kind.name() == self.kind && device == self.device.as_deref()
         };
-        // A process may have read several versions of a folder; the last one is the present one.
+        // A process may have read several versions of a device folder. The kind that was declared last belongs to the
+        // present version.
         let kinds = devices::known_fault_kinds();
         let kind = kinds.iter().rev().find(is_it)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));

@@ -42,8 +42,8 @@ pub trait Host {
     /// time, the function returns a later time.
     fn next_event(&self) -> u64;
 
-    /// Returns a time like [`Host::next_event`], but ignores polls that change nothing. Before this time, only outside
-    /// programs change registers.
+    /// Returns a time like [`Host::next_event`], but ignores polls of the firmware that change nothing. Until this
+    /// time, only outside programs change registers.
     fn next_change(&self) -> u64 {
         self.next_event()
     }
@@ -60,8 +60,8 @@ pub trait Host {
     }
 
     /// Called between the parts of an operation that advances the clock. Returns true if the operation must pause, so
-    /// that the host can serve other clients. The caller continues the operation afterwards. A pause makes no
-    /// difference to the plant.
+    /// that the host can serve other clients. The caller continues the operation afterwards. A pause has no influence
+    /// on the plant.
     fn should_pause(&self) -> bool {
         false
     }
@@ -84,8 +84,8 @@ pub trait Host {
         None
     }
 
-    /// Called when an operation is about to advance the stepped clock. A host with its own clock and its own instance
-    /// lets the devices take over changed files.
+    /// Called when an operation is about to advance the stepped clock. A host that runs an instance with its own clock
+    /// then lets the devices take over files that users have changed.
     fn take_over_files(&mut self) {}
 
     /// Called when the plant has moved to another moment of its history.

@@ -32,7 +32,7 @@ pub const MAX_SPEED: u32 = 1_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Class {
-    /// Changes nothing in the plant, so the time of its execution makes no difference.
+    /// Changes nothing in the plant. So it may be executed at any time, even before an earlier request.
     Looks,
     /// The operation only stores a register.
     Stores,
@@ -108,7 +108,8 @@ macro_rules! declare {
 ops!(declare);
 
 impl Op {
-    /// True if the operation changes nothing in the plant, so the time of its execution makes no difference.
+    /// True if the operation changes nothing in the plant. It may then be executed at any time, even before an earlier
+    /// request.
     pub fn only_looks(&self) -> bool {
         matches!(self.class(), Class::Looks | Class::Ends)
     }

@@ -38,8 +38,9 @@ impl JournalPart {
         self.next() >= self.end
     }
 
-    /// Returns the number of the first possible record, if the plant has continued from a snapshot and the part was
-    /// read from an earlier number. The earlier records were never in this journal, so they are not lost.
+    /// A plant that continues from a snapshot has no records from before the snapshot. If the part was read from such
+    /// an earlier number, returns the number of the first record that the journal can have. The earlier records were
+    /// never in this journal, so they do not count as lost.
     #[must_use]
     pub fn begins_at(&self, from: u64) -> Option<u64> {
         let HistoryId { number, begin } = self.turn;
@@ -61,7 +62,7 @@ pub fn read_journal<E: From<WrongReply>>(
     let (mut next, mut turn) = (from, None);
     loop {
         let mut part = ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal_part()?;
-        // Only the number identifies a history: its `begin` also depends on the first requested record.
+        // Histories are compared by their numbers only, because `begin` also depends on the first requested record.
         if turn.replace(part.turn.number).is_some_and(|known| known != part.turn.number) {
             records.clear();
             if next > from {

@@ -94,8 +94,7 @@ impl Code {
     /// The drive cannot change a parameter now: it has no supply, or is recalculating the parameter.
     pub const NOT_NOW: Self = Self(44);
 
-    /// True if the operation is impossible in any state of the plant. False if only the present state does not permit
-    /// it.
+    /// True if no state of the plant permits the operation. False if another state may permit it.
     pub fn is_wrong_use(self) -> bool {
         const STATES: [Code; 10] = [
             Code::QUEUE_FULL,
@@ -131,7 +130,7 @@ impl Refused {
         Self { code, text: text.to_string(), waited: None }
     }
 
-    /// The device `device` of the PLC `plc` has no such switch.
+    /// Returns the refusal of a setting because the device `device` of the PLC `plc` has no such switch.
     pub(crate) fn no_such_switch(plc: &str, device: &DeviceLayout, setting: BoardSetting) -> Self {
         let text = match setting {
             BoardSetting::ModuleDip { port, .. } => {
@@ -143,7 +142,7 @@ impl Refused {
         Self::new(Code::NO_SUCH_SWITCH, text)
     }
 
-    /// The device `device` of the PLC `plc` does not execute the setting now.
+    /// Returns the refusal of a setting that the device `device` of the PLC `plc` cannot execute in its present state.
     pub(crate) fn setting(plc: &str, device: &DeviceLayout, setting: BoardSetting, why: &str) -> Self {
         let word = match setting {
             BoardSetting::Front { word, value } => {
@@ -155,7 +154,7 @@ impl Refused {
         Self::new(Code::START_REFUSED, format_args!("PLC '{plc}' refuses {word}: {why}"))
     }
 
-    /// The emulator ends before the operation is done.
+    /// Returns the refusal of an operation because the emulator ends before the operation is done.
     pub(crate) fn ending(host: &dyn Host) -> Self {
         let instance = host.info().name;
         let reason = host.end_reason().map_or_else(String::new, |reason| format!(": {reason}"));

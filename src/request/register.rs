@@ -5,7 +5,7 @@ use crate::identity::DeviceIndex;
 use crate::layout::{Address, DeviceLayout, NamedLocation, Owner, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
-/// A register with an existing PLC and an address that suits its width.
+/// A register of an operation. Its PLC exists, and its address suits its width; both were checked.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Register {
     pub plc: DeviceIndex,

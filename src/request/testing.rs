@@ -46,7 +46,8 @@ pub(crate) struct TestHost {
     pub pauses: bool,
     /// True if an operation has paused.
     has_paused: Cell<bool>,
-    /// Number of queries until the participant for which the clock waits ends its turn.
+    /// The clock waits for a participant that has its turn. The turn ends after this number of calls of
+    /// [`Host::advance_to`].
     pub turn_left: usize,
     /// True if the real-time clock of the test server is stopped.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]

@@ -1,10 +1,10 @@
 //! The history of the plant, and the return to an earlier moment.
 //!
 //! The history consists of snapshots and the stores that operations have made after each snapshot. If a client has
-//! acted in another way, the history takes a snapshot before the clock advances again. From a snapshot the plant
-//! reaches every later moment by the same stores, because it is deterministic. Only stores of programs that have mapped
-//! the image are not known here. If the plant would go back over a part of the history with such stores, the client
-//! gets a report.
+//! changed the plant by another operation, the history takes a snapshot before the clock advances again. From a
+//! snapshot the plant reaches every later moment by the same stores, because it is deterministic. The history does not
+//! know the stores of programs that have mapped the image. If a return would lose such stores, the client gets a
+//! report.
 
 mod back;
 mod file;
@@ -24,11 +24,10 @@ use stretch::Stretch;
 
 /// Maximum number of snapshots that clients keep at a time.
 const MAX_SAVED: usize = 64;
-/// Emulated time between two snapshots while the clock advances without other actions. A return repeats at most this
-/// time.
+/// Emulated time between two snapshots while the clock only advances. So a return computes at most this time again.
 const STRETCH_US: u64 = 10_000_000;
-/// Emulated time between two snapshots at the beginning of operations. Between two operations, programs may store
-/// through the map, and a snapshot contains these stores.
+/// Shortest emulated time between two snapshots that are taken at the beginning of operations. Programs that map the
+/// image may store between two operations, and such a snapshot contains their stores.
 const PAUSE_US: u64 = 100_000;
 
 /// The history by which the plant can return to an earlier moment.

@@ -142,7 +142,8 @@ mod wide {
         std::arch::is_x86_feature_detected!("avx2")
     }
 
-    // The instructions use the full registers. At the end the upper halves of all of them are cleared.
+    // The instructions use the full processor registers (ymm). At the end, `vzeroupper` clears the upper halves of all
+    // of them.
     macro_rules! with_registers {
         ($($line:expr,)* ; $($operand:tt)*) => {
             asm!(
@@ -262,7 +263,7 @@ mod tests {
     #[test]
     fn blocks_are_compared_with_words() {
         const BLOCKS: usize = 3;
-        // The words do not begin at the alignment of a block.
+        // The tested words begin at an address that is not a multiple of the size of a block.
         let mut words = [0_u64; BLOCKS * BLOCK + 2];
         let mut blocks = [Block([u64::MAX; BLOCK]); BLOCKS];
         for place in 0..BLOCKS * BLOCK {

@@ -87,8 +87,8 @@ impl Attached {
         }
     }
 
-    /// Ends the turns of `tasks`. If `wait_us` is given, the first task has its next turn at the latest after this
-    /// emulated time. Then waits until a task has its next turn or `condition` is true. The function calls `condition`
+    /// Ends the turns of `tasks`. If `wait_us` is given, the first task gets its next turn after this emulated time at
+    /// the latest. Then waits until a task has its next turn or `condition` is true. The function calls `condition`
     /// again whenever the firmware has changed registers. `false`: neither happened within `timeout` of real time.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn wait_turns(
@@ -141,8 +141,8 @@ impl LockstepTask<'_> {
         self.await_turn(timeout)
     }
 
-    /// Advances the clock by `us` microseconds as run time of this task; by more if tasks of a higher level of the same
-    /// PLC interrupt it. Returns the emulated time afterwards. Call it within a turn.
+    /// Advances the clock by `us` microseconds as run time of this task; if tasks of a higher level of the same PLC
+    /// interrupt this task, the clock advances by more. Returns the emulated time afterwards. Call it within a turn.
     ///
     /// # Errors
     /// Returns the errors of [`LockstepTask::next_event`].

@@ -1,5 +1,5 @@
-//! Bells on real futexes. Waits without an own condition have a watchdog timeout that is far longer
-//! than any machine needs and never decides a test's outcome.
+//! Bells on real futexes. A wait that must end by a ring has a watchdog timeout. The timeout is far longer than any
+//! machine needs, so it never decides the result of a test.
 
 use super::*;
 use crate::memory::testing::SEGMENT_SIZE;

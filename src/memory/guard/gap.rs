@@ -1,8 +1,8 @@
 //! Replaces a missing page of the channel by zeros.
 //!
-//! iceoryx2 does not report where it maps its memory, so the handler finds the map in the process's list of maps. The
-//! effect of the zeros on iceoryx2 does not matter. The emulator gives up the channel as soon as iceoryx2 returns
-//! ([`channel_has_gaps`]). A client of several instances gives up the connection that the thread uses
+//! iceoryx2 does not report where it maps its memory, so the handler finds the map in the process's list of maps.
+//! iceoryx2 may then behave in any way, which is acceptable: The emulator gives up the channel as soon as iceoryx2
+//! returns ([`channel_has_gaps`]). A client of several instances gives up the connection that the thread uses
 //! ([`take_gap_of_thread`]).
 
 #[cfg(any(test, feature = "web"))]
@@ -61,7 +61,7 @@ pub(super) fn close(address: usize) -> bool {
     is_closed
 }
 
-/// Does the same as [`close`] for an image instead of a channel. The client no longer needs this image.
+/// Does the same as [`close`] for the map of an image. The client no longer needs the contents of such an image.
 #[cfg(feature = "web")]
 pub(super) fn close_image(address: usize) -> bool {
     is_in(address, names_an_image) && fill(address)
@@ -76,7 +76,7 @@ fn fill(address: usize) -> bool {
     let start = core::ptr::without_provenance_mut(address - address % page);
     let rights = ProtFlags::READ | ProtFlags::WRITE;
     // SAFETY: the page belongs to a map of shared memory. Rust has no references into it, because other processes write
-    // to it, too. Those processes could also have written zeros.
+    // to it, too. Those processes could have written zeros, so zeros are valid contents.
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 

@@ -277,7 +277,7 @@ mod tests {
         assert!(message("display=8").contains("the settings are dip, leds, switch, power, start, project"));
     }
 
-    /// Each setting survives a conversion to text, and to the two numbers of the channel, and back.
+    /// A setting does not change when it is converted to text and back, or to the two numbers of the channel and back.
     #[test]
     fn every_setting_has_a_unique_word_and_unique_numbers() {
         use BoardSetting as Set;

@@ -12,8 +12,8 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// when the board orders a start or stop of the program, and after a reset.
 pub const SEAT_ORDERS: u32 = 0x100;
 
-/// Flag in [`Seat::run_us`]: the task is done, and has its next turn after the rest of the value in microseconds at the
-/// latest, even if no event occurs. Meanwhile it does not occupy the processor of its PLC.
+/// Flag in [`Seat::run_us`]: the task is done. The other bits are the longest emulated time in microseconds until its
+/// next turn, which comes even if no event occurs. Until then the task does not occupy the processor of its PLC.
 pub const SEAT_WAITS: u32 = 0x8000_0000;
 
 /// The seat of one task in lockstep.
@@ -36,8 +36,8 @@ pub struct Seat {
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,
     /// Request of the task at the end of a turn. If it is 0, the task is done until the next event. With another value,
-    /// the task gets another turn after this emulated run time, in microseconds. With [`SEAT_WAITS`], the turn comes
-    /// after this time at the latest.
+    /// the task gets another turn after this emulated run time, in microseconds. With [`SEAT_WAITS`], the next turn
+    /// comes at the next event, or after this time if no event occurs before.
     pub run_us: Cell32,
     /// Reserved; always zero.
     pub reserved_44: Cell32,

@@ -19,7 +19,7 @@ pub const TABLE_NAME_LENGTH: usize = 16;
 pub struct AreaEntry {
     /// Name in register names, for example `node2`; UTF-8, zero-padded. All zeros: no area.
     pub name: [Cell8; TABLE_NAME_LENGTH],
-    /// Text around the width in an address of this area: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
+    /// Text of an address of this area without `%`, width and number: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
     pub space: [Cell8; 8],
     /// Number of the first byte or word of the area in the space.
     pub first: Cell32,
@@ -94,7 +94,7 @@ impl AreaEntry {
 }
 
 impl PortEntry {
-    /// Describes `port`, in its state at the start.
+    /// Fills the entry with the description of `port` and the state of the port at power-on.
     pub(super) fn fill(&self, port: &Port) {
         self.clear();
         set_name(&self.name, port.name);

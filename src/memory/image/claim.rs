@@ -74,7 +74,7 @@ pub(super) fn enter<S: ImageCreator>(site: &S) -> Result<S::Image, S::Error> {
                     return Ok(image);
                 }
             }
-            // Another process was faster; wait for the lock as usual.
+            // Another process has taken the name or the lock first. The loop tries again.
             continue;
         };
         match claim(site, file)? {

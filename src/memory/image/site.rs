@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 /// Longest wait of a starting emulator for a lock, if its holder does not look like a running emulator. The holder may
 /// be an emulator shortly before its end, or a client that checks whether an emulator runs.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Longest wait if the holder looks like a running emulator. It may have been killed a moment ago, so its process still
-/// exists.
+/// Longest wait if the holder looks like a running emulator. That emulator may have been killed a moment ago, while its
+/// process still exists.
 const GRACE: Duration = Duration::from_millis(50);
 
 /// The path of an image, the start of the attempt to get it, and the properties of the image.
@@ -48,7 +48,7 @@ impl<S> ImageName for ImageSite<'_, S> {
     }
 
     fn judge(&self, file: &ImageFile) -> Result<(), MemoryError> {
-        // An empty file contains nothing that could be lost.
+        // An empty file is accepted, because nothing in it can be lost.
         if file.size()? > 0 { file.own_header().map(drop) } else { Ok(()) }
     }
 

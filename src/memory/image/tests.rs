@@ -165,7 +165,7 @@ fn a_dead_image_of_another_shape_is_replaced() {
             0 => instance.leave(SEGMENT_SIZE, |header| header.abi_version.store(ABI_VERSION + 1)),
             _ => instance.leave(8192, |_| ()),
         }
-        // A handle keeps the old inode's number from being used again at once.
+        // While this handle is open, the number of the old inode is not used again, so the numbers can be compared.
         let old = fs::File::open(instance.path()).unwrap();
         let image = instance.create();
         assert_eq!((image.taken_over(), image.generation()), (None, 1));
@@ -186,7 +186,7 @@ fn foreign_contents_are_refused_and_left_alone() {
     }
 }
 
-/// An empty file has no owner to protect.
+/// An empty file may be replaced, because nothing in it can be lost.
 #[test]
 fn an_empty_file_is_replaced_and_removed() {
     let instance = Instance::new();
@@ -255,7 +255,7 @@ fn one_of_many_creators_wins() {
     }
 }
 
-/// A process that opens the file just before its owner unlinks it locks a file without a name.
+/// A process may open the file just before the owner unlinks it. This process then locks a file without a name.
 #[test]
 fn a_file_that_has_lost_its_name_is_not_claimed() {
     let instance = Instance::new();

@@ -5,8 +5,8 @@ use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Cell8, Cell16, Cell32};
 use memmap2::MmapOptions;
 
-/// Returns a memory segment on the heap, and a memory segment in an unnamed file. Miri cannot map files, so under Miri
-/// only the first one.
+/// Returns a memory segment on the heap, and a memory segment in an unnamed file. Under Miri, which cannot map files,
+/// returns only the segment on the heap.
 fn both() -> Vec<Segment> {
     let mut both = vec![Segment::heap(SEGMENT_SIZE)];
     if !cfg!(miri) {
@@ -172,7 +172,7 @@ fn partial_stores_keep_the_rest_of_the_register() {
 
 #[test]
 fn partial_stores_of_two_writers_both_survive() {
-    // Under Miri one turn takes as long as thousands of turns outside of Miri.
+    // One round under Miri takes as long as thousands of rounds without Miri.
     const LAST: u32 = if cfg!(miri) { 50 } else { 5_000 };
     for segment in both() {
         std::thread::scope(|scope| {
@@ -209,7 +209,7 @@ fn ranges_at_any_alignment() {
 }
 
 /// A word, a doubleword and a byte side by side, each written at its own width, while others read all of them in words
-/// of 64 and 32 bits: no register is torn, and writing a register does not change its neighbour.
+/// of 64 and 32 bits: no register may be torn, and a write of a register must not change its neighbours.
 #[test]
 #[cfg_attr(miri, ignore = "Miri has no model for concurrent accesses of several widths")]
 fn registers_are_whole_when_read_in_any_width() {

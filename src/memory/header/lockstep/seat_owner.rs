@@ -73,8 +73,8 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has given up its seat, and the event may belong to the next task. The next task must not get an
-            // answer before its request.
+            // The task has given up its seat. The event that was read above may belong to the next task, which must not
+            // get an answer before it sends its request.
         }
         None
     }
@@ -85,7 +85,8 @@ impl<W: Word> SeatWords<'_, W> {
 
     fn free_if_dead(&self, is_running: impl Fn(u32) -> bool, clear: impl FnOnce()) -> bool {
         let owner = self.owner.load();
-        // Read after the owner: a task that takes a seat finds it free.
+        // The state is read after the owner: if a new task has taken the seat in between, the state is free, not
+        // refused or lost.
         let state = SeatState::from_code(self.state.load());
         let is_out = matches!(state, Some(SeatState::Refused | SeatState::Lost));
         // The task may have given up its seat before it died, and another task may have the seat now.

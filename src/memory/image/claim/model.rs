@@ -1,4 +1,5 @@
-//! Interleavings of emulators that start and end, and clients that check, with the atomic steps of the file system.
+//! Tests every order in which the atomic file system steps of emulators that start and end, and of clients that check,
+//! can happen.
 
 use super::{ImageCreator, ImageName, LockableFile, enter, remove_dead};
 use loom::sync::{Arc, Mutex, MutexGuard};
@@ -131,7 +132,7 @@ impl ImageCreator for Visitor {
     }
 
     fn fits(&self, file: &File) -> Result<bool, Running> {
-        // In some tests the first file has another shape.
+        // In some tests, the first file has a shape that a new emulator cannot serve.
         Ok(file.number != UNFIT)
     }
 
@@ -177,7 +178,8 @@ impl Visitor {
     }
 }
 
-/// Checks all interleavings with few preemptions. The faults of these models show after one or two preemptions.
+/// Checks all interleavings with few preemptions. One or two preemptions are enough to show the faults that the tests
+/// put into the model.
 fn model(system: System, left: Option<usize>, go: impl Fn(&dyn Fn(u32) -> Visitor) + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
     builder.preemption_bound = Some(2);
@@ -236,7 +238,7 @@ fn removing_remains_spares_a_starting_emulator() {
         let cleaner = thread::spawn(move || remove_dead(&cleaner));
         assert!(starter.starts());
         let _ = cleaner.join().unwrap();
-        // A process that was refused later finds no file to remove.
+        // Neither process has left a file, so there is nothing to remove.
         assert_eq!(remove_dead(&visitor(0)), Ok(false));
     });
 }

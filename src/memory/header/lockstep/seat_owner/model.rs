@@ -1,6 +1,6 @@
-//! Explores every interleaving of tasks that take a seat, send a request and leave, with an emulator that answers,
-//! gives up and frees, with the memory orders of [`super::Cell32`]. The model omits times and bells; bells have a
-//! separate model.
+//! Explores every interleaving of tasks and an emulator, with the memory orders of [`super::Cell32`]. The tasks take a
+//! seat, send a request and leave. The emulator answers requests, gives up tasks and frees seats. The model omits times
+//! and bells; bells have a separate model.
 
 use super::{NO_OWNER, SeatState, SeatWords, Word};
 use loom::sync::Arc;
@@ -81,7 +81,8 @@ impl<const WHOLE: bool> Seat<WHOLE> {
 }
 
 /// A task requests an event, leaves and dies, and the next task requests another event. In the meantime the emulator
-/// answers, gives up and frees. At the end the emulator checks the seat once more, as it does after a request.
+/// answers requests, gives up a task and frees the seat. At the end the emulator checks the seat once more, as it does
+/// after each request.
 fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
     loom::model(move || {
         let seat = Arc::new(Seat::<WHOLE>::new());
@@ -110,7 +111,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
         let is_asking = tasks.join().unwrap();
         assert!(is_asking, "a seat that was left is free");
         let again = seat.hands().decide(may);
-        // One of the two answers was for the second task. The seat still has that answer.
+        // The emulator has given two answers. The last one was for the second task, and the seat still contains it.
         assert_eq!(seat.state.load(), SeatState::Seated.code(), "{answered:?} {again:?}");
         assert_eq!([seat.owner.load(), seat.event.load()], [SECOND, SECOND]);
         assert!(again.or(answered) == Some((SECOND, true)));
