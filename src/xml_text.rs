@@ -1,7 +1,8 @@
 //! Characters that an XML document may contain.
 
 /// Replaces each character that XML 1.0 (section 2.2) does not allow by U+FFFD. XML does not allow U+FFFE, U+FFFF and
-/// control characters, except tabs and line ends. It does not allow them as references such as `&#xFFFF;` either.
+/// control characters, except tabs and line ends. References to these characters, such as `&#xFFFF;`, are not allowed,
+/// either.
 pub(crate) fn allowed(document: String) -> String {
     if document.chars().all(is_allowed) {
         return document;

@@ -46,8 +46,8 @@ pub(crate) struct TestHost {
     pub pauses: bool,
     /// True if an operation has paused.
     has_paused: Cell<bool>,
-    /// The clock waits for a participant that has its turn. The turn ends after this number of calls of
-    /// [`Host::advance_to`].
+    /// The clock waits for a participant that has its turn. The turn ends at the call of [`Host::advance_to`] with this
+    /// number.
     pub turn_left: usize,
     /// True if the real-time clock of the test server is stopped.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]

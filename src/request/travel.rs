@@ -45,7 +45,7 @@ pub struct Travel {
     start: Option<Snapshot>,
     /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
-    /// Memory of the history, and its maximum, in bytes.
+    /// Memory that the history uses, in bytes; `most` is its maximum.
     size: usize,
     most: usize,
     /// True if a client has acted since the last snapshot in a way that the history does not record.
@@ -59,7 +59,8 @@ struct KeptSnapshot {
     snapshot: Snapshot,
     /// Number of events in the journal at the time of the snapshot.
     written: u64,
-    /// True if the present state of the plant follows from the snapshot.
+    /// True if the plant has reached its present state from the snapshot, without a return or another snapshot in
+    /// between.
     is_behind: bool,
 }
 
@@ -70,7 +71,7 @@ impl Default for Travel {
 }
 
 impl Travel {
-    /// Default limit of the bytes for snapshots of the history.
+    /// Default limit of the memory for snapshots of the history, in bytes.
     pub const DEFAULT_BYTES: usize = 8 << 20;
 
     /// Creates an empty history. Its snapshots may take `most` bytes; with 0 no snapshot is kept.
@@ -96,7 +97,7 @@ impl Travel {
         self.history.front().map(|stretch| stretch.begin.time_us())
     }
 
-    /// Called when a client acts on the plant, or has done so.
+    /// Called before or after a client changes the plant in a way that the history does not record.
     pub fn touch(&mut self) {
         self.is_touched = true;
     }
@@ -133,7 +134,8 @@ impl Travel {
         let now = plant.now();
         self.is_touched = false;
         let mut room = Vec::new();
-        // Of several snapshots of a moment only the last one is kept: it contains all actions of this moment.
+        // Only the last of several snapshots at one emulated time is kept, because it contains all actions at this
+        // time.
         while let Some(last) = self.history.pop_back_if(|last| last.begin.time_us() >= now) {
             self.size -= last.size();
             room = last.begin.into_state();
@@ -158,11 +160,11 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
     }
 
-    /// Does the same as [`Travel::is_at`], if the plant is in the state before the actions that the history may contain
-    /// for this moment.
+    /// Called like [`Travel::is_at`], if the plant has returned to a state without the actions that clients made at
+    /// this emulated time.
     fn begins_anew(&mut self, plant: &Plant) {
-        // An entry for the same moment may contain later actions, so it is dropped. A new snapshot is taken before the
-        // clock advances.
+        // A stretch that begins at the same emulated time may contain actions that the plant has not made now, so it is
+        // dropped. A new snapshot is taken before the clock advances.
         self.drop_from(plant.now());
         self.is_at(plant);
         self.touch();
@@ -184,7 +186,7 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind = false);
     }
 
-    /// Devices have taken over changed files, so the plant cannot repeat its history.
+    /// Called when devices have taken over changed files: the plant can then no longer repeat its history.
     pub(crate) fn has_other_files(&mut self) {
         self.is_elsewhere();
         self.touch();
@@ -251,7 +253,8 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);
-    // Later stores must not become part of this snapshot's moment, even if the clock does not advance.
+    // Stores after this call must not count as stores before the snapshot, even if the clock does not advance in
+    // between.
     travel.touch();
     let (snapshot, written) = (plant.snapshot(), plant.journal().written());
     travel.saved.insert(travel.last, KeptSnapshot { snapshot, written, is_behind: true });

@@ -22,8 +22,7 @@ impl Emulator {
         if !self.membership.has_turn() {
             return Ok(false);
         }
-        // The coupling is taken out of the emulator for the call, because the exchange executes operations on the
-        // emulator.
+        // The exchange needs the whole emulator as its host. So the coupling is taken out of the emulator for the call.
         let Some(mut coupling) = self.membership.coupling.take() else { return Ok(false) };
         let progress = coupling.take(self);
         let was_one = matches!(progress, Ok(Progress::Exchanged(_)));

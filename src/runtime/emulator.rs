@@ -56,8 +56,8 @@ impl StopHandle {
         self.end(None);
     }
 
-    /// Stops the emulator like [`StopHandle::stop`], with a reason. Messages to clients show the reason after the name
-    /// of the instance, as a part of the sentence.
+    /// Stops the emulator like [`StopHandle::stop`], with a reason. The reason is a part of a sentence that begins with
+    /// the name of the instance. Clients get this sentence as a message.
     pub fn stop_because(&self, reason: impl Into<String>) {
         self.end(Some(reason.into()));
     }
@@ -83,11 +83,12 @@ pub struct Emulator {
     pub(super) guests: Guests,
     /// The clock in real time; unused if stepped.
     wall: WallClock,
-    /// Start of the present turns of guests, if guests have turns now.
+    /// Real time at which the present turns of guests began, if guests have turns now.
     pub(super) turn_since: Option<Instant>,
-    /// Target of a step that has paused to serve other clients.
+    /// Emulated time up to which a step was to advance that has paused to serve other clients.
     pub(super) under_way: Option<u64>,
-    /// Declared before the images, so that it writes everything before another emulator can take over the images.
+    /// Declared before the images, and so dropped before them: it must write everything before another emulator can
+    /// take over the images.
     novram: Keeper,
     /// The field is declared before the images, because the watch checks their files.
     watch: Watch,
@@ -98,7 +99,7 @@ pub struct Emulator {
     pub(super) slice: Cell<Option<Instant>>,
     #[cfg(feature = "channel")]
     pub(super) membership: super::membership::Membership,
-    /// Declared before the server, because it uses the server's node.
+    /// Declared before the server, and so dropped before it, because the field uses the node of the server.
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
     #[cfg(feature = "channel")]
@@ -106,8 +107,8 @@ pub struct Emulator {
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,
-    /// Declared after the images and the server, because no other process may have the instance name before they are
-    /// dropped.
+    /// Declared after the images and the server, and so dropped after them: until then no other process may take the
+    /// name of the instance.
     _lock: InstanceLock,
 }
 
@@ -133,8 +134,8 @@ impl Emulator {
     ) -> Result<Self, RuntimeError> {
         options.clock.check()?;
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
-        // The check is made before any file of the instance exists: without free file descriptors, the files could not
-        // be removed.
+        // This check comes before any file of the instance exists, because the emulator could not remove the files
+        // without free file descriptors.
         needs::allow_files_of(config.devices.len(), doors)?;
         needs::allow_memory_of(config.devices.len())?;
         let lock = take_instance(config, &options.instance)?;
@@ -155,8 +156,8 @@ impl Emulator {
             let segment = if options.is_federate { segment.with_request_page() } else { segment };
             images.push(image);
             if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
-                // The directory is opened after the first image. If the instance already runs, the error then names the
-                // running instance instead of the directory in use.
+                // The directory is opened after the first image exists. So if the instance already runs, the error is
+                // about the instance and not about its directory.
                 let directory = match &mut directory {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
@@ -332,8 +333,9 @@ impl Emulator {
     /// Changes the speed of the real-time clock, which continues from its present time. If the plant is late by more
     /// than one step, the rest of this time is dropped.
     pub(super) fn set_real_speed(&mut self, permille: u32) {
-        // The plant first advances to the present time. Otherwise a client that has extrapolated the present time could
-        // then see an earlier time. The clients wait meanwhile, so that none of them extrapolates a later time (D-789).
+        // The plant first advances to the present time. Otherwise a client that has computed the present time from the
+        // clock could see an earlier time later. During the change clients wait, so that none of them computes a later
+        // time (D-789).
         self.images.iter().for_each(|image| image.header().withdraw_real_clock());
         let now = self.real_now();
         self.plant.advance_to(now);
@@ -346,7 +348,7 @@ impl Emulator {
             let path = emulator.shortened().map(|image| image.path().to_owned());
             path.map_or(Ok(()), |path| Err(RuntimeError::Shortened { path }))
         };
-        // Looks for shortened images: perhaps the missing part was not accessed yet.
+        // An image may have been shortened without an access to the missing part. Only this check then detects it.
         for image in &self.images {
             let _ = image.watch().look();
         }

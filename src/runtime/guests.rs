@@ -20,7 +20,8 @@ pub(super) struct Guests {
 struct GuestEntry {
     guest: Arc<Guest>,
     requests: GuestRequests,
-    /// Number of frames to send at the last check; later frames wait for the next check.
+    /// Number of frames that waited at the last check of the guest. Frames that arrive later are sent after the next
+    /// check.
     waiting: usize,
     /// True if the guest has the bit rate of the bus, or has not set a bit rate.
     fits: bool,
@@ -97,8 +98,8 @@ impl Guests {
         self.forget_departed();
     }
 
-    /// Connects and disconnects guests and passes their frames to the plant. Guests that have requested a seat get it.
-    /// Requested durations until a guest's next turn begin now.
+    /// Connects and disconnects guests and passes their frames to the plant. Gives seats to guests that have requested
+    /// one. If a guest has requested time until its next turn, this time begins now.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
             return;
@@ -113,7 +114,7 @@ impl Guests {
         self.forget_departed();
     }
 
-    /// Removes disconnected guests, after the plant has removed them and all their frames have been passed on.
+    /// Removes disconnected guests from the list, as soon as the plant has removed them and has taken all their frames.
     fn forget_departed(&mut self) {
         let is_over = |it: &mut GuestEntry| {
             it.requests.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0
@@ -141,8 +142,8 @@ impl Guests {
         self.present.iter().find(|it| it.has_turn()).map(|it| it.label(plant))
     }
 
-    /// Called after the plant has moved to another moment, at which other guests took part: connects the present guests
-    /// again.
+    /// Called after the plant has moved to another moment of emulated time. Other guests may have taken part then, so
+    /// this connects the present guests again.
     pub(super) fn reconnect_all(&mut self, plant: &mut Plant) {
         for (bus, guest) in plant.guests() {
             if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
@@ -213,8 +214,8 @@ impl Guests {
 
 /// Reads the requests of the selected guests.
 fn learn_all(present: &mut [GuestEntry], are_meant: fn(&GuestEntry) -> bool, plant: &mut Plant) {
-    // The number of frames is read before the requests: if a guest has opened its connection before another guest sent
-    // a frame, it must be present when that frame enters.
+    // The frames of all guests are counted before the requests are read. So a guest that connected before another guest
+    // sent a frame takes part when that frame enters the bus.
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         it.waiting = it.guest.waiting();
     }
@@ -348,8 +349,9 @@ mod tests {
         (config, plant.unwrap())
     }
 
-    /// A message that arrives between a check and its execution belongs to the next check. Otherwise a frame of a guest
-    /// that is not connected yet would be lost, although its door has confirmed it.
+    /// The emulator first checks all guests and then carries out their requests. A message that arrives in between
+    /// belongs to the next check. Otherwise a frame of a guest that is not connected yet would be lost, although its
+    /// door has confirmed the frame.
     #[test]
     fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
         let (config, mut plant) = plant(OPEN);
@@ -371,7 +373,8 @@ mod tests {
         assert_eq!(other.heard(), 1);
     }
 
-    /// Without this rule, a guest that connects and leaves repeatedly would occupy all places.
+    /// A guest that has disconnected frees its place. Otherwise a program that connects and leaves repeatedly would
+    /// occupy all places.
     #[test]
     fn a_guest_does_not_keep_a_place_for_unsendable_frames() {
         let kinds: [(_, fn(&Guest)); 2] =

@@ -1,7 +1,7 @@
 //! Tasks of PLC processes in lockstep: the emulated time waits for them.
 //!
 //! When the event of a task has occurred, the clock stops and the task gets a turn. At the end of the turn, the task
-//! states its run time in emulated time. Then the clock continues, and the task gets another turn when this time is
+//! may state a run time in emulated time. Then the clock continues, and the task gets another turn when this time is
 //! over.
 //!
 //! Tasks of one PLC share its processor. A task of a higher level interrupts a task of a lower level. The run of the
@@ -47,7 +47,7 @@ impl Task {
 struct Turn {
     /// Index of the task.
     index: usize,
-    /// Number of turns that the task had ended before.
+    /// Number of turns that the task had ended before this turn.
     done: u32,
     /// Start of the turn in real time.
     since: Instant,
@@ -95,7 +95,8 @@ impl Witness for NoWitness {
     fn task(&mut self, _: DeviceIndex, _: usize, _: SeatState) {}
 }
 
-/// Total number of orders, power-ons and resets of a board.
+/// Returns the total number of orders, power-ons and resets of a board. A change means that a task has something to
+/// obey.
 fn orders_of(header: &Header) -> u32 {
     header.program.start.rings().wrapping_add(header.program.restarts.load())
 }
@@ -156,7 +157,8 @@ impl Lockstep {
         let mut found = None;
         let answer = seat.decide(|event| {
             let number = (event & !SEAT_ORDERS) as usize;
-            // The number is read before the task is notified of its seat, so no later event is missed.
+            // The number of events is read before the task learns that it has the seat, so no event from then on is
+            // missed.
             let seen = self.headers[plc.index()].events.get(number).map(|slot| slot.bell.rings());
             found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
@@ -164,7 +166,8 @@ impl Lockstep {
         // The task has given up its seat before the answer.
         let Some((asked, _)) = answer else { return };
         let event = (asked & !SEAT_ORDERS) as usize;
-        // The board may have requested a start before the task joined, so the task gets its first turn immediately.
+        // The board may have ordered a start before the task joined. So a task that obeys orders gets its first turn
+        // immediately.
         let orders =
             (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc.index()]).wrapping_sub(1));
         let Some((level, seen)) = found else {
@@ -214,8 +217,8 @@ impl Lockstep {
         self.give_turns(plant, &stop, witness)
     }
 
-    /// True if tasks must be served although the clock does not advance: a turn is in progress, or a board has
-    /// requested a start or stop.
+    /// True if tasks must get turns although the clock does not advance: a turn is in progress, or a board has ordered
+    /// a start or stop.
     pub(crate) fn has_turns(&self) -> bool {
         self.turn.is_some() || self.tasks.iter().any(|task| task.until.is_none() && self.has_orders(task))
     }
@@ -324,7 +327,7 @@ impl Lockstep {
         task.seat.turn.ring();
     }
 
-    /// Ends the turn; its task continues to run for the stated time.
+    /// Ends the turn of a task, which then counts as running for the emulated time that it has stated.
     fn claim(&mut self, index: usize, plant: &Plant) {
         let task = &mut self.tasks[index];
         let stated = task.seat.run_us.load();
@@ -337,7 +340,7 @@ impl Lockstep {
             return;
         }
         task.until = Some(plant.now() + run_us);
-        // The run delays running tasks of lower levels.
+        // This run interrupts running tasks of lower levels, so their ends move by its duration.
         let (plc, level) = (task.plc, task.level);
         for other in self.tasks.iter_mut().filter(|other| other.plc == plc && other.level < level) {
             other.until = other.until.map(|until| until + run_us);

@@ -3,7 +3,7 @@
 //!
 //! Input on this host enters the plant only in the turn of this federate: requests of clients, stores of programs that
 //! map an image, actions of tasks in lockstep. The turn ends when a client of this host requests to advance the clock.
-//! If this federate only follows, it ends immediately.
+//! The turn of a federate that only follows ends immediately.
 
 use super::emulator::{Emulator, LONGEST_SLEEP};
 use super::error::RuntimeError;
@@ -32,7 +32,7 @@ pub(super) struct Membership {
     pub(super) federation: Option<Federation>,
     /// Exchange of values with other simulators.
     pub(super) coupling: Option<Coupling>,
-    /// An error of a function that could not return it. It is reported later.
+    /// An error that occurred in a function without an error result. The main loop reports it.
     error: Option<FederationError>,
 }
 
@@ -133,8 +133,8 @@ impl Emulator {
                 continues = self.take_turn(None) == TurnOutcome::Continues;
                 has_ended = !continues;
             }
-            // The federate must process messages of other federates before it acts in its next turn. If it is the only
-            // federate, it has the next turn immediately.
+            // The federate must process messages of other federates before it acts in its next turn. This also holds
+            // for a federate that is alone: it has its next turn immediately.
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !continues && outcome.is_ok() {

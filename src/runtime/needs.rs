@@ -31,7 +31,7 @@ const MEMORY_PER_PLC: u64 = 1 << 20;
 /// The process may not open this number of files.
 pub(super) fn allow_files_of(plcs: usize, doors: usize) -> Result<(), RuntimeError> {
     let needed = PER_PLC * plcs as u64 + PER_DOOR * doors as u64 + BESIDES;
-    // A door opens only if it leaves the reserved files to the channel.
+    // A door opens only if the reserved descriptors stay free for the channel. So these count, too, if there are doors.
     let reserved = if doors == 0 { 0 } else { RESERVED_DESCRIPTORS };
     let few = reserved.max(FEW_CLIENTS * PER_CLIENT);
     allow_files(needed + few, needed + few.max(ALL_CLIENTS * PER_CLIENT))

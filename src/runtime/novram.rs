@@ -7,9 +7,9 @@
 //! Only one emulator at a time can use the directory.
 //!
 //! Registers are written to the file when the device has stored them. Retain flags are written once a second if they
-//! have changed. At the end both are written. If another program has damaged or removed a file, it is also written at
-//! the end. A separate thread writes, because syncing a file takes longer than an interval of a bus. The thread retries
-//! failed writes until they succeed. A failure at the end is an error of the emulator.
+//! have changed. At the end both are written. If another program has damaged or removed a file, the emulator restores
+//! the file at the end. A separate thread writes the files, because syncing a file takes longer than an interval of a
+//! bus. The thread retries failed writes until they succeed. A failure at the end is an error of the emulator.
 
 mod directory;
 mod error;
@@ -47,7 +47,7 @@ pub struct Novram {
     /// Name of the file.
     name: String,
     segment: Segment,
-    /// Content of the file, or of the present write.
+    /// Content of the file; while a write is in progress, the content that is being written.
     saved: Content,
     /// Generation number of the saved registers.
     generation: u32,
@@ -116,8 +116,7 @@ impl Novram {
         if !stored && !flags {
             return None;
         }
-        // The file contains the flags and the registers. Both are always written, so that a file never loses a part of
-        // its previous content.
+        // A write always contains both flags and registers. The part that has not changed is written again.
         if !flags {
             self.read_flags();
         }

@@ -1,10 +1,10 @@
 //! A step of the stepped clock: advances the emulated time, and waits for tasks and guests that have a seat in lockstep
 //! (see `docs/reference/can.md`, "Time").
 //!
-//! At a given emulated time, guests have their turns after all other events, and all guests at once. When all turns are
-//! over, the frames that the guests have sent enter the buses together, ordered by bus and guest number. So the real
-//! speed of a guest makes no difference. While guests have seats, the clock advances from event to event, so that the
-//! receivers of a frame get their turn at the moment of its arrival.
+//! At each emulated time, all other events are handled first. Then all guests have their turns together. When all turns
+//! are over, the frames that the guests have sent enter the buses together, ordered by bus and guest number. So the
+//! order of the frames does not depend on the real speed of the guests. While guests have seats, the clock advances
+//! from event to event, so that the receivers of a frame get their turn at the moment of its arrival.
 
 use super::Emulator;
 use crate::request::Host;
@@ -44,7 +44,8 @@ impl Emulator {
             if self.plant.now() >= target && !is_due {
                 return true;
             }
-            // Many consecutive turns of guests must not block other clients.
+            // Guests can have many turns one after the other. They must not block other clients, so the step may pause
+            // here.
             if self.guests.have_seats() && self.should_pause() {
                 return false;
             }

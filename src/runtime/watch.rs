@@ -78,7 +78,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
             continue;
         }
         next = Instant::now() + EVERY;
-        // The next wait reports any process that opens an image from here on.
+        // A process that opens an image after this check is reported by the next wait.
         if woken == WakeReason::InTime && !is_alone.load(Ordering::Relaxed) {
             is_alone.store(onlookers.are_gone(), Ordering::Release);
         }

@@ -41,11 +41,11 @@ use ask::Spot;
 use core::panic::Location;
 use std::path::Path;
 
-/// Number of journal entries that a failure shows.
+/// Number of journal records that the report of a failure shows.
 const LAST_ENTRIES: usize = 8;
 /// Number of findings that a failure shows.
 const FIRST_FINDINGS: usize = 3;
-/// Number of journal records that are searched for these entries.
+/// Number of the last journal records among which these records are selected.
 const LOOK_BACK: u64 = 512;
 
 /// A plant and the verbs that act on it.
@@ -66,7 +66,7 @@ const LOOK_BACK: u64 = 512;
 /// ```
 pub struct Bench {
     carrier: Box<dyn Carrier>,
-    /// True if the clock is stepped, so that only verbs advance it.
+    /// True if the plant has a stepped clock, which only verbs advance.
     is_stepped: bool,
     names: Names,
     /// Heading that failures report as their location.
@@ -130,7 +130,7 @@ impl Bench {
         #[cfg(all(test, feature = "channel"))]
         let carrier = super::federated::carrier(config)?;
         let mut bench = Self::on(carrier)?;
-        // The plant numbers its faults in the order of the plant file.
+        // The plant numbers its faults from 1 in the order of the plant file, so `zip` gives each fault its number.
         let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
         let required =
             required.map(|(number, spec)| Required { number, text: spec.kind.clone(), place: None });
@@ -308,7 +308,7 @@ impl Bench {
 
     /// Waits after the call of a block until the board has answered its requests.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
-        // With a stepped clock the boards answer before the next request.
+        // With a stepped clock, any request makes the boards answer first, so one operation is enough.
         if self.is_stepped {
             self.ask(Op::Time)?;
         }
@@ -366,8 +366,8 @@ impl Bench {
         let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
         let mut lines: Vec<_> = last.iter().map(|record| line(record, &mut text)).collect();
-        // The journal returns a record that counts events when its count has ended, or after all other records. So the
-        // lines are sorted by time.
+        // A record that counts events is written when its count ends, or follows all other records if its count still
+        // runs. So the order of the records is not the order of time, and the lines are sorted.
         lines.sort_by_key(|line| line.time_us);
         Ok(lines)
     }

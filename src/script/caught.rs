@@ -10,7 +10,7 @@ use std::rc::Rc;
 pub(super) struct Caught(pub Rc<ScenarioError>);
 
 impl Caught {
-    /// Returns the error on its way into the script.
+    /// Converts the error to a value that the script can catch.
     pub(super) fn thrown(error: ScenarioError) -> Box<EvalAltResult> {
         EvalAltResult::ErrorRuntime(Dynamic::from(Self(Rc::new(error))), rhai::Position::NONE).into()
     }
@@ -28,7 +28,7 @@ impl Caught {
         self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
     }
 
-    /// Returns a property that only some failures have; unit for all other errors.
+    /// Returns a property of a failure; `()` (the unit value of scripts) for errors that do not have the property.
     fn of_failure<T: Into<Dynamic>>(&self, get: impl FnOnce(&super::Failure) -> Option<T>) -> Dynamic {
         match &*self.0 {
             ScenarioError::Failed(failure) => get(failure).map_or(Dynamic::UNIT, Into::into),

@@ -1,4 +1,4 @@
-//! Checks of a scenario that does not run, for editors: the same engine, and the same messages.
+//! Checks a scenario for editors without running it. Uses the engine and the messages of a run.
 
 pub(crate) use super::engine::is_plant_text;
 
@@ -68,7 +68,7 @@ impl Checker {
         Some(Misreading { line, column: position.position(), what })
     }
 
-    /// True if a script without own functions can call a function of this name.
+    /// True if a script can call a function of this name without defining it.
     pub(crate) fn knows(&self, name: &str) -> bool {
         self.functions.contains(name)
     }
@@ -147,7 +147,7 @@ impl ArgumentKind {
     }
 }
 
-/// Checks a text that a verb would take, on a plant that nothing else uses.
+/// Checks the text of an argument as a verb would check it. `bench` has a plant for this purpose only.
 ///
 /// # Errors
 /// The error that the verb would report.
@@ -166,7 +166,8 @@ pub(crate) fn argument(bench: &mut Bench, kind: ArgumentKind, text: &str) -> Res
             added
         }
         ArgumentKind::Time => Span::Text(text.to_owned()).us().map(drop),
-        // These verbs change the plant, or a second argument decides what their text means.
+        // These texts are not checked: the verb would change the plant, or another argument decides the meaning of the
+        // text.
         ArgumentKind::Block
         | ArgumentKind::Place
         | ArgumentKind::Port

@@ -65,7 +65,7 @@ pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
         }
         other => {
             let mut text = other.to_string();
-            // The report has its own location, so the position from the engine is removed.
+            // The report shows the location separately, so the position in the engine's message is removed.
             if let Some(end) = text.rfind(" (line ") {
                 text.truncate(end);
             }
@@ -74,7 +74,7 @@ pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
     }
 }
 
-/// Error: no function has this signature, `name (type, type)`.
+/// Returns the error that no function has this signature, which has the form `name (type, type)`.
 fn no_function(signature: &str) -> String {
     let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
     let types = types.strip_suffix(')').unwrap_or(types);
@@ -87,7 +87,8 @@ fn no_function(signature: &str) -> String {
     no_function_among(name, &given, &verbs())
 }
 
-/// Error: no function has this name, or none takes the `given` types; it may be meant for one of `verbs`.
+/// Returns the error that no function has this name, or none accepts arguments of the `given` types. If the user may
+/// have meant one of `verbs`, the error names it.
 pub(super) fn no_function_among(name: &str, given: &[&str], verbs: &[Verb]) -> String {
     if let Some(right) = spelling::call(name) {
         return format!("there is no verb or function `{name}`; write {right}");
@@ -104,8 +105,8 @@ pub(super) fn misread(reason: &dyn core::fmt::Display, line: &str) -> String {
     spelling::mistake(line).unwrap_or_else(|| format!("{reason}{}", with_underscores(line)))
 }
 
-/// Suggests the name with underscores for a line with `expect-that`, which is read as a subtraction, or `wait-until`,
-/// in which `until` is a word of the language; otherwise nothing.
+/// Suggests the name with underscores if a line has a verb with hyphens. The engine reads `expect-that` as a
+/// subtraction, and in `wait-until` it finds the keyword `until`. Returns an empty text for other lines.
 fn with_underscores(line: &str) -> String {
     let meant = verbs()
         .into_iter()

@@ -75,7 +75,7 @@ pub(crate) struct Place<'a> {
 /// Decision of a debugger at a place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Visit {
-    /// The script stops if a step ends here, or for a breakpoint or a pause.
+    /// The script runs on, unless a step ends here, or there is a breakpoint or a pause.
     Run,
     /// The script does not stop.
     Pass,
@@ -95,7 +95,7 @@ pub(crate) trait ScriptDebugger {
     /// Called at each place, in the order in which the script visits the places. The state has no variables.
     fn visit(&self, place: &Place<'_>, state: &mut StoppedScript<'_>) -> Visit;
 
-    /// Takes a request for a pause: true once for each request.
+    /// Takes a request for a pause. Returns true once for each request.
     fn takes_pause(&self) -> bool;
 
     /// True if a line of a file has a breakpoint.
@@ -134,8 +134,8 @@ impl StoppedScript<'_> {
         self.stage.try_borrow_mut().map_or(0, |mut stage| stage.now_us())
     }
 
-    /// The value of a register with its meaning, or of an expression that only reads: no verb except `peek`, `describe`
-    /// and `now`, and copies of the variables.
+    /// The value of a register with its meaning, or the value of an expression that only reads. Such an expression can
+    /// use the verbs `peek`, `describe` and `now`, and copies of the variables.
     ///
     /// # Errors
     /// The text is neither a register nor such an expression.
@@ -198,7 +198,7 @@ pub(super) fn calls(ast: &AST, name: &str) -> bool {
     found
 }
 
-/// Statements that only contain other ones: a stop there would be a second stop of the same line.
+/// True for a statement that only contains other statements. A stop at it would be a second stop in the same line.
 fn is_structure(stmt: &Stmt) -> bool {
     matches!(stmt, Stmt::Block(..) | Stmt::Noop(..))
 }
@@ -214,10 +214,11 @@ struct Line {
 }
 
 impl Line {
-    /// Notes a statement, or a call with its column and name. True if the line is another one, or begins again.
+    /// Notes a statement, or a call with its column and name. Returns true if it begins another line, or begins the
+    /// same line again.
     ///
-    /// The engine does not report a statement that is only a call, but reports each call. A loop with such a body repeats
-    /// a call. The parts of a call do not.
+    /// The engine reports each call, but not a statement that consists only of a call. In a loop with such a statement,
+    /// a call is repeated, so the line begins again. Calls in the arguments of a call are not repeated.
     fn begins(&mut self, source: Option<&str>, line: usize, call: Option<(usize, ImmutableString)>) -> bool {
         let is_new = self.line != line
             || self.source.as_deref() != source
@@ -253,7 +254,7 @@ pub(super) fn attach(
     directory: &Path,
     stage: &Rc<RefCell<Stage>>,
 ) -> Rc<RefCell<Vec<DebugFrame>>> {
-    // Each line of the file is also a line of the program.
+    // The engine must not optimize: otherwise some lines of the file would not exist in the program.
     engine.set_optimization_level(OptimizationLevel::None);
     let last = Rc::default();
     let stepper = Stepper {
@@ -363,7 +364,8 @@ impl Stepper {
         }
     }
 
-    /// The functions that run, the innermost first. A call has the file of its function and the place of its caller.
+    /// The functions that run, the innermost first. An entry of the call stack has the file of the called function, but
+    /// the position of its caller, so these are combined here.
     fn frames(
         &self,
         context: &EvalContext<'_, '_, '_, '_, '_, '_>,

@@ -76,7 +76,8 @@ impl Shared {
         self.with(|stage| stage.bench().and_then(act))
     }
 
-    /// Does the same as [`Shared::act`] for a debugger: `plant` may still be the first verb of the script.
+    /// Does the same as [`Shared::act`] for a debugger. This does not count as a verb, so the script can still call
+    /// `plant` as its first verb.
     #[cfg(feature = "cli")]
     fn preview<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| stage.bench_of_debugger().and_then(act))
@@ -188,7 +189,8 @@ impl Verbs {
             move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
                 let within_us = stage.expect(|bench| bench.span(span(&within)?))?;
                 let start = stage.act(Bench::now)?;
-                // The stage is not borrowed during the call, because the condition uses verbs.
+                // The condition is a function of the script and may use verbs, which borrow the stage. So the stage is
+                // not borrowed during the call.
                 while !condition.call_within_context::<bool>(&context, ())? {
                     stage.act(|bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
                 }

@@ -29,7 +29,7 @@ pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, Scenario
     }
 }
 
-/// Messages to each federate that it has not received yet.
+/// For each federate, the messages that were sent to it and that it has not received yet.
 type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
 
 /// A program of this host that runs while the clock of this host advances, or while another federate has its turn.
@@ -160,7 +160,7 @@ struct Federated {
 }
 
 impl Federated {
-    /// Creates a plant with `count` federates. The scenario runs at federate `own`, and `program` creates a program for
+    /// Creates a plant that `count` federates run. The scenario runs at federate `own`. `program` creates a program for
     /// each federate.
     fn new(
         config: &PlantConfig,
@@ -238,8 +238,8 @@ mod tests {
         report.journal_hash
     }
 
-    /// Returns a program at federate `number`. After each answer of the board of PLC 0, the program requests another
-    /// event, but never in the turn of this federate. It collects the results of the answers.
+    /// Returns a program at federate `number`. After each answer of the board of PLC 0, the program sends the request
+    /// for another event. It never does so in the turn of its own federate. It collects the results.
     fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
         let image = plant.devices()[0].segment().clone();
         let event = [5, 12][usize::from(number)];

@@ -19,7 +19,7 @@ pub(super) struct Imports {
     modules: RefCell<BTreeMap<PathBuf, Rc<Module>>>,
     directory: PathBuf,
     scenario: PathBuf,
-    /// Imports with a running script, the outermost first.
+    /// Imports in progress, whose scripts are running, the outermost first.
     under_way: RefCell<Vec<Import>>,
     /// All requested files, without repetitions.
     imported: Rc<RefCell<Vec<PathBuf>>>,

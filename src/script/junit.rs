@@ -54,7 +54,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     // The library removes only control characters, so other forbidden characters are removed here.
     let text = xml_text::allowed(all.to_string()?);
-    // The first such attribute is in the root element.
+    // The first attribute with this name in the text is the one in the root element.
     let skipped = text.find(" skipped=\"").map(|start| {
         let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
         start..end

@@ -32,7 +32,7 @@ impl Carrier for Local {
         self.begin_request();
         let mut execution = Execution::default();
         loop {
-            // There are no other clients here, so an operation never waits or pauses.
+            // This plant has no other clients, so an operation never waits or pauses.
             if let Some(reply) = execution.run(self, &op)? {
                 return Ok(reply);
             }

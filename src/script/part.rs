@@ -1,4 +1,4 @@
-//! Finds, without running a script, whether it is a part of other scripts, and which files it needs.
+//! Finds out, without a plant, whether a script is only imported by other scripts, and which files a script needs.
 
 use super::imports::module_file;
 use super::run::stack_guard;
@@ -7,7 +7,7 @@ use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position, Sco
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Maximum number of steps: enough for constants, and few enough to cause no noticeable delay.
+/// Maximum number of steps for this check: enough to compute constants, and too few to cause a noticeable delay.
 const OPERATIONS: u64 = 1_000;
 /// Maximum size of texts, arrays and maps that these steps may create.
 const SIZE: usize = 1 << 12;
@@ -46,7 +46,8 @@ impl ModuleResolver for Nothing {
     }
 }
 
-/// Returns the files that a scenario imports, and the files that these import, if their names are literal texts.
+/// Returns the files that a scenario imports, directly or through other imports, as far as their names are literal
+/// texts.
 pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let directory = scenario.parent().unwrap_or(Path::new(""));
     let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));

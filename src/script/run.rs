@@ -30,7 +30,7 @@ const DEEPEST_EXPRESSION: usize = 64;
 #[cfg(any(test, feature = "cli"))]
 const STACK: usize = 16 << 20;
 /// Stack, in bytes, that a script may use, for example by nested `eval`, which does not count as a call. The rest of
-/// the stack is for a single step, such as a compilation.
+/// the stack is for a single step, such as a compilation, during which the stack is not checked.
 const MOST_STACK: usize = 12 << 20;
 
 /// Runs `work` in a thread with the stack that scripts need. A panic in `work` continues in the caller.
@@ -137,7 +137,8 @@ pub(crate) fn run_debugged(
                 _ => return,
             };
             let mut frames = last.take();
-            // The failure may be in a later part of the line, or in a file that does not compile.
+            // The debugger has not stopped at this position: the failure may be in a later part of the line, or in a
+            // file that does not compile.
             if let Some(at) = at {
                 let (file, line) = (PathBuf::from(&at.file), at.line.map_or(0, |line| line as usize));
                 match frames.first_mut() {
@@ -156,7 +157,7 @@ pub(crate) fn run_debugged(
 /// Called with the outcome of a script, before the plant is dropped.
 type AtEnd = Option<Box<dyn FnOnce(&Outcome)>>;
 
-/// Leaves the engine of a script as it is.
+/// Prepares nothing: the engine of a script runs without a debugger.
 fn engine_as_it_is(_: &mut Engine, _: &Rc<RefCell<Stage>>) -> AtEnd {
     None
 }
@@ -378,7 +379,7 @@ pub(super) fn place(file: &Path, line: Option<usize>) -> ScriptLocation {
     }
 }
 
-/// Location of a requirement that is not met at the end of a script.
+/// Returns the location of the requirement that was not met at the end of a script.
 fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> ScriptLocation {
     let at = match error {
         // A location with a column is in Rust code, not in the script.

@@ -30,7 +30,8 @@ impl Value {
                 Ok(*number as u32 & place.ty(place.last_phase()).mask())
             }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
-                // For example 16#FFFF is not a number of an INT, but a pattern of its bits.
+                // A number outside of the type may be a bit pattern: 16#FFFF is too large as a number of an INT, but is
+                // a pattern of 16 bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
                 pattern

@@ -1,14 +1,14 @@
 //! Snapshots of structures: their contents, and how to restore them.
 //!
 //! A structure mixes two kinds of data: data made from the plant file (views of registers, tables, names), and data
-//! that change during the run. A snapshot contains only the second kind. It is read into a structure that was built
-//! from the same plant file, so the first kind needs no change.
+//! that change during the run. A snapshot contains only the second kind. A snapshot is restored into a structure that
+//! was built from the same plant file, so data of the first kind are already there.
 //!
 //! [`snapshot_fields!`](macro@crate::snapshot_fields) names **each** field of a structure and declares whether it is
 //! kept. A new field without a declaration is a compiler error instead of a snapshot with a missing field.
 //!
-//! Bytes may come from a file of an unknown author. For all bytes, reading ends with a value or with [`Damaged`], in
-//! memory bounded by the length of the bytes.
+//! Bytes may come from a file of an unknown author. Reading any bytes ends with a value or with [`Damaged`], and uses
+//! at most memory in proportion to the length of the bytes.
 
 mod saved;
 mod sealed;
@@ -121,7 +121,7 @@ impl<T: SnapshotFields, const N: usize> SnapshotFields for [T; N] {
     }
 }
 
-/// The plant file decides whether the value is `Some`, so a snapshot does not change this.
+/// The plant file decides whether a value is `Some`. A snapshot does not change `Some` to `None` or back.
 impl<T: SnapshotFields> SnapshotFields for Option<T> {
     fn save(&self, to: &mut Saving) {
         self.iter().for_each(|part| part.save(to));

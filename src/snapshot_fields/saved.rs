@@ -59,7 +59,7 @@ impl Saving {
         debug_assert!(written.is_ok(), "{written:?}");
     }
 
-    /// Appends bytes without their number. The reader needs the number from another source.
+    /// Appends bytes, but not their number. The reader must know the number from another source.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
@@ -150,7 +150,7 @@ impl<'a> Saved<'a> {
         if holds { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// Creates the error that there is no valid `what` at the present position.
+    /// Creates the error that the bytes at the present position are not a valid `what`.
     #[must_use]
     pub fn no(&self, what: &'static str) -> Damaged {
         Damaged { what, at: self.all.len() - self.rest.len() }

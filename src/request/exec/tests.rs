@@ -329,8 +329,8 @@ fn a_long_advance_listens_to_the_stop_flag() {
     let mut host = TestHost::new(true);
     host.stop_at = 1_000_000;
     assert_eq!(host.refusal(Op::Advance { us: 3_600_000_000 }).0, Code::SHUTTING_DOWN);
-    // The operation notices the flag at the end of the present part. Nothing happens in this plant, so a
-    // part may be long.
+    // The operation checks the flag at the end of the present part. A part may be long here, because nothing happens in
+    // this plant.
     assert!((1_000_000..100_000_000).contains(&host.plant.now()), "{}", host.plant.now());
 
     let mut host = TestHost::new(true);
@@ -486,7 +486,8 @@ fn an_operation_that_pauses_does_the_same() {
     }
 }
 
-/// A reader of the continued journal has no record of the states before the snapshot.
+/// A journal that continues from a snapshot has no records of the states before the snapshot, but its readers know the
+/// phases.
 #[test]
 fn a_snapshot_keeps_the_names_of_overlaid_registers() {
     let mut whole = with_sync();
@@ -508,7 +509,7 @@ fn a_snapshot_keeps_the_names_of_overlaid_registers() {
     let (expected, found) = (lines(&mut whole, 0), lines(&mut restored, begin));
     assert_eq!(found, expected);
     assert!(expected.iter().any(|line| line["register"] == "node1.a_SL_TYP[1]"), "{expected:?}");
-    // A part in the middle of the journal, and another history.
+    // A reader may begin with a part in the middle of the journal, also after a return.
     let part = |host: &mut TestHost| {
         let json = host.request(&[Op::Journal { from: begin, max: u32::MAX }]).remove(0);
         serde_json::to_value(json.json(&host.info().names)).unwrap()["journal"]["records"].clone()

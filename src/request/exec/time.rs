@@ -9,7 +9,8 @@ use crate::time;
 
 /// Maximum advance between two calls of [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
-/// Maximum advance while nothing changes: a minute of emulated time, which takes no more real time than a slice.
+/// Maximum advance while nothing changes: a minute of emulated time. It takes no more real time than `SLICE_US` with
+/// events.
 const REST_US: u64 = 60_000_000;
 /// Number of events that a wait handles between two calls of [`Host::should_pause`]. Such a call may take as long as an
 /// event.
@@ -90,7 +91,8 @@ impl Execution {
         let begin = host.plant().now();
         let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
         loop {
-            // The condition is only checked between two parts, so pauses of the wait do not change the result.
+            // The condition is not checked at a pause within a part, only between two parts. So pauses do not change
+            // the result.
             if let Some(part) = self.part
                 && !host.should_stop()
                 && !self.go_to(host, part)
@@ -159,7 +161,7 @@ pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
     Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
 }
 
-/// Checks the duration of an advance if the plant determines its end.
+/// Checks the limit of an advance that ends at an event of the plant.
 pub(super) fn limit(us: u64) -> Result<(), Refused> {
     if us <= MAX_ADVANCE_US {
         return Ok(());

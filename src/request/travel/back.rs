@@ -45,7 +45,8 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
     Ok(())
 }
 
-/// Goes back to the last moment before now at which `look` began to return a result. Returns this result.
+/// Goes back to the last moment at which `look` changed from returning nothing to returning a result. Returns this
+/// result.
 pub(in crate::request) fn back_until<T>(
     host: &mut dyn Host,
     detached: bool,
@@ -76,7 +77,7 @@ fn find_back<T>(
             if let Some(found) = look(host)? {
                 return Ok(found);
             }
-            // An event that was due at this moment has made the condition true.
+            // The condition became true by an event at this moment, so the event is handled, too.
             host.plant_mut().advance_to(target);
             let (plant, travel) = host.plant_and_travel();
             travel.is_at(plant);
@@ -107,7 +108,7 @@ fn find_back<T>(
     Err(Refused::new(Code::NOT_SO_FAR, text))
 }
 
-/// Begin and end of the last stretch that the plant cannot repeat with the same result.
+/// Returns begin and end, in microseconds, of the last stretch that the plant cannot repeat with the same result.
 fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
     (0..host.plant_and_travel().1.history.len()).rev().find_map(|place| {
         let stretch = host.plant_and_travel().1.history[place].clone();
@@ -173,8 +174,8 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     Ok(())
 }
 
-/// Returns to the moment of the request, because the request is refused. This succeeds, because the snapshot is of the
-/// same plant.
+/// Returns to the moment of the request, because the request is refused. The result is ignored: restoring a snapshot of
+/// the same plant succeeds.
 fn return_to(host: &mut dyn Host, here: &Snapshot) {
     let _ = go_to(host, here, true);
 }

@@ -24,7 +24,7 @@ pub(super) struct Stretch {
     pub(super) begin: Snapshot,
     /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
-    /// The last moment that the plant has reached with these stores.
+    /// The last moment that the plant has reached in this stretch.
     end: StretchEnd,
 }
 
@@ -74,15 +74,16 @@ impl Stretch {
         self.end.time_us
     }
 
-    /// Repeats the stretch, at whose beginning the plant must be. Returns true if the journal at the end has the same
-    /// hash as the first time.
+    /// Repeats the stretch. The plant must be at the beginning of the stretch. Returns true if the journal at the end
+    /// has the same hash as the first time.
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
         let StretchEnd { time_us, stores, hash } = self.end;
         RemainingStores(&self.stores[..stores]).go_to(plant, time_us);
         if plant.journal().hash() == hash {
             return true;
         }
-        // The plant may also have handled the events that were due at the end.
+        // When the hash was taken, the plant may have handled the events at the end already. So both hashes are
+        // compared.
         plant.advance_to(time_us);
         plant.journal().hash() == hash
     }
@@ -102,8 +103,8 @@ impl RemainingStores<'_> {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }
 
-    /// Advances to a moment, and makes the stores up to and including this moment. Events that an operation has made
-    /// due at the present moment are handled only when the clock advances, as they were the first time.
+    /// Advances to a moment, and makes the stores up to and including this moment. An operation may cause an event at
+    /// its own emulated time. As in the first run, such an event is handled only when the clock advances.
     pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
         let advance = |plant: &mut Plant, time_us| {
             if time_us > plant.now() {
@@ -112,7 +113,7 @@ impl RemainingStores<'_> {
         };
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
             advance(plant, store.time_us);
-            // The store was possible the first time, and the plant has the state of that time now.
+            // The result is ignored: the plant is in the same state as in the first run, in which the store succeeded.
             let _ = plant.store(store.plc, store.offset, store.width, store.value);
             self.0 = rest;
         }

@@ -58,7 +58,7 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
 }
 
-/// Going back to the time 0 keeps the stores of that moment, going back to the start does not.
+/// A return to the time 0 keeps the stores that clients made at this time. A return to the start does not keep them.
 #[test]
 fn the_start_is_before_the_first_action() {
     let mut host = TestHost::new(true);
@@ -144,9 +144,9 @@ fn stores_of_operations_are_repeated() {
     };
     let value = |us| states(us).0;
     assert_eq!([0, 1_999, 2_000, 4_999, 5_000, 8_999].map(value), [0, 0, 1, 1, 2, 2].map(Reply::Value));
-    // Stretches and parts of stretches after this moment are dropped.
+    // After a return, the history has no stretches after this moment.
     assert_eq!([1_999, 2_000, 4_999, 5_000].map(|us| states(us).2), [0, 1, 1, 2]);
-    // A comparison that has failed has stored nothing.
+    // A compare-exchange that has failed has stored nothing, so the return must not store its value.
     let exchange = |current, new| Op::CompareExchange {
         plc: DeviceIndex(0),
         offset: RAM.start,
@@ -201,10 +201,11 @@ fn many_stores_cause_a_snapshot() {
 #[test]
 fn unrepeatable_stores_through_the_map_are_reported() {
     let mut host = TestHost::new(true);
-    // The script stores a command to the master. The way back does not repeat the store, so its journal
-    // differs.
+    // The script stores a command to the master, like a program that has mapped the image. The return does not repeat
+    // this store, so the journal differs.
     host.script = vec![(4_500, 200_000, 1)];
-    // The clock advances event by event, so the store is in the middle of the stretch.
+    // Without the register as condition, the operation advances event by event, so the store is in the middle of the
+    // stretch.
     let within_us = 9_000;
     host.request(&[Op::Wait {
         plc: DeviceIndex(0),

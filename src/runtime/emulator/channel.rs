@@ -30,7 +30,7 @@ impl Emulator {
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)
     }
 
-    /// True if an operation has paused. With a stepped clock, such an operation advances the clock.
+    /// True if a request has paused while it advances the stepped clock.
     pub(in crate::runtime) fn is_time_passing(&self) -> bool {
         self.server.as_ref().is_some_and(|server| server.waiting() > 0)
     }

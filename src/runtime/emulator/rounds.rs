@@ -14,15 +14,16 @@ use std::time::Duration;
 pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
 /// Longest step of emulated time while no other process has the image open. A client that attaches may at first see
-/// registers that are older by this time.
+/// registers as they were up to this time earlier.
 const UNSEEN_US: u64 = 10_000;
 
 /// Longest step of emulated time. After the machine was suspended, the clock may have to catch up with hours; signals
 /// and clients are handled between the steps.
 const LONGEST_STEP_US: u64 = LONGEST_LEAD_US;
-/// Largest number of register writes that a polling emulator answers at one moment before it does other work.
+/// Largest number of consecutive register writes that an emulator in busy mode answers, at one emulated time, before it
+/// does other work.
 const LONGEST_CHAIN: u32 = 16;
-/// Polls without a result that end such a chain.
+/// After this number of polls without a new write, such a chain ends.
 const LOOKS: u32 = 64;
 
 impl Emulator {
@@ -71,7 +72,8 @@ impl Emulator {
             }
             self.save_novram(false);
             if self.serve_channel() {
-                // A write through the channel has the effect of a ring.
+                // A write through the channel has the effect of a ring of the doorbell: the firmware polls the
+                // registers at once.
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
@@ -80,8 +82,8 @@ impl Emulator {
         }
     }
 
-    /// Answers a polling client, which usually writes again immediately: the emulator answers its next writes first, at
-    /// the same moment (decision D-583).
+    /// A client that polls usually writes again as soon as it has its answer. So the emulator first answers such
+    /// writes, at the same emulated time (decision D-583).
     fn answer_on(&mut self) {
         for _ in 0..LONGEST_CHAIN {
             self.announce();
@@ -112,8 +114,8 @@ impl Emulator {
         next.min(self.guests.next_turn())
     }
 
-    /// Used with a stepped clock. Handles requests to the boards without advancing the clock. Everything else is
-    /// handled when the clock advances.
+    /// Used with a stepped clock. Handles requests to the boards now. Everything else that a ring of a doorbell can
+    /// announce is handled when the clock advances.
     pub(in crate::runtime) fn look_at_rings(&mut self) {
         if self.note_rings() {
             self.guests.look(&mut self.plant);

@@ -11,8 +11,8 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Longest wait of a starting emulator for the lock. The holder may have been killed a moment ago, so that its process
-/// still exists.
+/// Longest wait of a starting emulator for the lock. The process that holds the lock may have been killed a moment ago
+/// and may not have ended yet.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Name of the lock file. Other users cannot open this file, so they cannot take its lock. The directory itself has no
@@ -99,8 +99,8 @@ impl Directory {
         Ok(Some(bytes))
     }
 
-    /// Replaces the file of this name: writes a new file, syncs it, renames it and syncs the directory. No other file
-    /// stays, even after an error. A missing directory is created again.
+    /// Replaces the file of this name: writes a new file, syncs it, renames it and syncs the directory. After an error,
+    /// the new file is removed. A missing directory is created again.
     pub(super) fn replace(&mut self, name: &str, bytes: &[u8]) -> Result<(), NovramError> {
         let mut result = self.try_replace(name, bytes);
         if result.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
@@ -192,7 +192,7 @@ fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result
         FileType::RegularFile => return Err(NovramError::Foreign { path, owner: stat.st_uid, user }),
         other => return Err(not_a_file(path, other)),
     }
-    // The file may be a copy that was made with other rights.
+    // The file may have other rights, for example because a user has copied the directory.
     rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR).map_err(failed)?;
     Ok(file)
 }

@@ -48,7 +48,7 @@ impl Content {
         self
     }
 
-    /// Replaces the registers and the first retain flags. Flags after them, which a plant with more flags has stored,
+    /// Replaces the registers and the first retain flags. A plant with more flags may have stored further flags; they
     /// are unchanged.
     pub(crate) fn replace(&mut self, registers: &[u8], retain: &[u8]) {
         for (to, from) in self.bytes.iter_mut().zip(registers.iter().chain(retain)) {
@@ -95,7 +95,7 @@ pub(super) fn load(
             Err(Unusable::Damaged) => {
                 (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?))
             }
-            // The content is still valid for the version of commram that has written it.
+            // The file is not set aside, because the version of commram that has written it can still use it.
             Err(Unusable::OtherVersion { found }) => {
                 let path = directory.path_of(name);
                 return Err(NovramError::OtherVersion { path, found, read: VERSION });

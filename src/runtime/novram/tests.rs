@@ -9,7 +9,8 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Size in bytes of the registers that the device of the built-in plant has in NOVRAM, and two of these registers.
+/// Size in bytes of the registers that the device of the built-in plant has in NOVRAM. The next two constants are two
+/// of these registers.
 const REGISTERS: usize = 16;
 const ROUTER: u32 = 180_016 + 12;
 const ADDRESS: u32 = 180_016 + 4;
@@ -57,7 +58,7 @@ fn names(directory: &tempfile::TempDir) -> Vec<String> {
     names.filter(|name| name != ".lock").collect()
 }
 
-/// Writing an accepted file again gives the same bytes, and any correct content is restored.
+/// If a file is accepted, writing its content again gives the same bytes. Any correct content can be restored.
 #[test]
 fn fuzz_novram() {
     crate::fuzz("novram", |bytes| {
@@ -102,7 +103,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     assert_eq!(held, [5, 7]);
 }
 
-/// The memory disappears while its retain flags are read: the file keeps the last known flags.
+/// The image is shortened while its retain flags are read. The file then keeps the last known flags.
 #[test]
 fn registers_lost_during_the_read_are_not_written() {
     let directory = tempfile::tempdir().unwrap();
@@ -214,7 +215,7 @@ fn a_sample_of_the_format_can_be_read() {
     assert_eq!(decode(&bytes, SIZE), Ok(kept), "count VERSION up");
 }
 
-/// The file stays as it is: the commram that has written it can use it.
+/// A file of another version is not changed, because the commram of that version can use it.
 #[test]
 fn a_file_of_another_version_is_refused_and_left_alone() {
     let directory = tempfile::tempdir().unwrap();
@@ -321,7 +322,7 @@ fn failed_writes_are_repeated_until_they_succeed() {
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), false);
-    // No value has changed since then, and the keeper still retries.
+    // No value has changed since the failed write, but the keeper retries it.
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     assert_eq!(saved(&directory), None);
     fs::remove_dir(in_the_way).unwrap();
@@ -404,7 +405,7 @@ fn only_regular_files_are_read_and_no_links_are_followed() {
     }
 }
 
-/// Reading the file would exceed memory and time.
+/// Such a file is refused without reading it, because reading would take too much memory and time.
 #[test]
 fn a_huge_file_is_set_aside_unread() {
     let directory = tempfile::tempdir().unwrap();

@@ -13,7 +13,7 @@ const RETAIN_EVERY: Duration = Duration::from_secs(1);
 /// Delay before the next attempt to write a file.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// A job of the writing thread, with the name of a file.
+/// A job of the thread that writes. It contains the name of a file.
 enum Job {
     /// Write the changed content.
     Store(String, Content),
@@ -84,7 +84,7 @@ impl Keeper {
     pub fn close(&mut self) -> Result<(), NovramError> {
         let Some((jobs, thread)) = self.writer.take() else { return Ok(()) };
         drop(jobs);
-        // Propagates a panic of the thread: its files may not be written.
+        // If the thread has panicked, some files may not be written. So the panic continues here.
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }

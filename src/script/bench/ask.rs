@@ -84,7 +84,7 @@ impl Bench {
         if self.interrupt.is_some() { SLICE_US } else { MAX_ADVANCE_US }
     }
 
-    /// Returns an error if the verb must end.
+    /// Returns an error if the verb must end because of an interrupt.
     pub(super) fn go_on(&mut self) -> Result<(), ScenarioError> {
         let ends = self.interrupt.as_mut().is_some_and(|interrupt| interrupt());
         if ends { Err(ScenarioError::Interrupted) } else { Ok(()) }
@@ -148,7 +148,7 @@ impl Bench {
 
     /// Returns the number that the next record of the journal will have.
     pub(super) fn journal_end(&mut self) -> Result<u64, ScenarioError> {
-        // With a number that no record has yet, the reply has no records, only the end.
+        // No record has this number yet. So the reply contains only the end and no records.
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 

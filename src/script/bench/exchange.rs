@@ -1,8 +1,8 @@
 //! Selects the exchanges between program, firmware and bus that may have led to a failure. The report draws them as a
 //! picture.
 //!
-//! The last steps alone would often show only the time after the error. So repeated steps become one line, and the
-//! picture also contains the steps before the first finding, and the last two repetitions of each handshake.
+//! The last steps often show only the time after the error. So the picture has one line for repeated steps. It also
+//! contains the steps before the first finding, and the last two repetitions of each handshake.
 
 use super::{Bench, line};
 use crate::devices;
@@ -53,7 +53,8 @@ impl Bench {
         let mut text = Text::new(self.names.clone(), devices::catalogue());
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
-        // The recorded changes of a register already show the request and the answer.
+        // If a register is recorded, its changes already show the request and the answer. The record of the handshake
+        // is then left out.
         let is_repeated = |record: &Record| {
             !record.event.is::<Changed>() && register(&record.event).is_some_and(|it| recorded.contains(&it))
         };

@@ -293,7 +293,7 @@ impl Bench {
         Ok(records)
     }
 
-    /// Waits for the first matching frame from now on.
+    /// Waits for the first frame that matches and ends after the call.
     fn look_for(
         &mut self,
         bus: &str,
@@ -302,7 +302,8 @@ impl Bench {
     ) -> Result<Option<SeenFrame>, ScenarioError> {
         let (bus, us) = (self.bus(bus)?, self.span(within)?);
         let deadline = self.now()? + us;
-        // A scenario that waits for frames takes part in the bus, so that the frames are acknowledged.
+        // A frame needs a station that acknowledges it. So a scenario that waits for frames takes part in the bus,
+        // without sending.
         self.ask(Op::BusSend { bus, frame: None })?.written()?;
         let mut next = self.journal_end()?;
         loop {

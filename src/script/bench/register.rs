@@ -26,7 +26,7 @@ impl Register {
         self.spot.plc
     }
 
-    /// Returns an error unless it is a whole register, which can be written.
+    /// Returns an error unless this is a whole register: only whole registers can be written.
     pub(super) fn is_whole(&self) -> Result<(), ScenarioError> {
         match self.place.bit() {
             None => Ok(()),

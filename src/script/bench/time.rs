@@ -23,7 +23,8 @@ impl Bench {
     /// There is no such port, or there is no SYNC signal.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
-        // The user has not named a PLC, so the message shows a port of the first PLC as an example.
+        // A text without a PLC is ambiguous if there are several PLCs. The message shows a port of the first PLC as an
+        // example.
         let example = self.names.fitted(DeviceIndex(0)).port_or_master(name).map_or(name, |port| port.name);
         let plc = self.plc(plc, example)?;
         let node = self.names.fitted(plc).port_or_master(name)?.number;

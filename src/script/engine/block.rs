@@ -58,8 +58,8 @@ impl Block {
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
-        // If a block has an area on one device, it has an area on all devices that have the block. The place determines
-        // the device.
+        // The device is not known before the place is looked up. A block that needs an area needs it on every device,
+        // so any device that has the block gives the answer.
         let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
         let Some(of_any) = of_any else {
             let plc = bench.area(place).map(|(plc, _)| plc).or_else(|_| bench.only_plc(place))?;
@@ -184,7 +184,7 @@ fn given(value: &Dynamic) -> PinValue {
     match (value.as_bool(), value.as_int()) {
         (Ok(value), _) => PinValue::Bool(value),
         (_, Ok(value)) => PinValue::Int(value),
-        // Other values become texts that no pin accepts, so that the error of the pin shows them.
+        // A value of another type becomes a text that no pin accepts. The error of the pin then shows this text.
         _ => PinValue::Text(value_text(value)),
     }
 }

@@ -18,11 +18,11 @@ pub(crate) fn is_plant_text(text: &str) -> bool {
 pub(crate) struct Stage {
     /// The plant with its verbs; `None` until the first verb.
     bench: Option<Bench>,
-    /// The plant of a script that does not call `plant`; `None` means the built-in plant.
+    /// The plant for a script that does not call the verb `plant`; `None` means the built-in plant.
     unnamed: Option<PlantConfig>,
     /// True if the bench belongs to a running instance.
     attached: bool,
-    /// True if only a debugger has used the plant.
+    /// True if a debugger has used the plant, but no verb of the script has.
     is_preview: bool,
     /// True if the script calls `plant`.
     #[cfg(feature = "cli")]
@@ -119,7 +119,7 @@ impl Stage {
         let ends: Vec<_> =
             steps.iter().skip(1).map(|next| next.expectations).chain([self.expectations]).collect();
         steps.iter_mut().zip(ends).for_each(|(step, end)| step.expectations = end - step.expectations);
-        // A section at the beginning of a scenario has no steps before it.
+        // If a scenario begins with a section, the part before the first section is empty and is removed.
         steps.retain(|step| step.name.is_some() || step.expectations > 0);
         steps
     }
@@ -176,8 +176,8 @@ impl Stage {
         self.bench.as_mut().and_then(|bench| bench.now().ok()).unwrap_or(0)
     }
 
-    /// The plant for a debugger. Before the first verb this is a preview: the first verb uses the same plant, and `plant`
-    /// replaces it.
+    /// The plant for a debugger. Before the first verb this is a preview: the first verb uses the same plant, unless it
+    /// is the verb `plant`, which replaces it.
     ///
     /// # Errors
     /// The plant is refused, or the verb `plant` of the script has not run.

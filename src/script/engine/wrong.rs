@@ -9,7 +9,7 @@ use rhai::{Dynamic, FLOAT, INT};
 use std::collections::BTreeSet;
 
 /// Registers functions with the name of a verb for each number of arguments. They accept any types and report the
-/// correct call. Skips a number of arguments for which the verb itself accepts all types.
+/// correct call. Registers nothing for a number of arguments with which the verb itself accepts all types.
 macro_rules! refuse {
     ($verbs:ident, $name:ident, $of:ident: $($count:literal ($($argument:ident)*))*) => {$(
         if !takes_all(&$of, $count) {
@@ -66,7 +66,7 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     ScenarioError::argument(name, &right)
 }
 
-/// Error: no verb of this name has the given number of arguments.
+/// Returns the error that no verb of this name has the given number of arguments.
 pub(in crate::script) fn wrong_count(verbs: &[Verb], name: &str, count: usize) -> ScenarioError {
     let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
     ScenarioError::argument(name, &format!("{count} arguments are given; write {signatures}"))

@@ -1,4 +1,5 @@
-//! Checks that registers of the firmware have valid values, for any device. Valid values have a meaning in the layout.
+//! Checks, for any device, that registers of the firmware have valid values. A value is valid if it has a meaning in
+//! the layout.
 
 use crate::layout::{DeviceLayout, Owner, RegisterRef};
 use crate::plant::PlantConfig;

@@ -13,7 +13,7 @@ const LONGEST_US: u64 = 300_000;
 /// Maximum of the numbers in most faults. With larger numbers, faults would rarely concern an actual event.
 const MOSTLY: u64 = 32;
 
-/// Returns a random call of a move of the exercise.
+/// Returns a random move of the exercise, as a call with random parameters.
 pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String {
     let all: u32 = exercise.moves.iter().map(|it| it.weight).sum();
     let mut at = rng.u32(..all.max(1));

@@ -23,7 +23,7 @@ const AFTERWARDS: usize = 4;
 /// Range of the number of detours of a second run, and of the number of moves of each detour.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
-/// One round of this number kills or ends emulators, if the plant has data that can be lost. Such rounds are rare,
+/// If the plant has data that can be lost, one round out of this number kills or ends emulators. Such rounds are rare,
 /// because they need much real time.
 const KILLED_OF: u8 = 24;
 /// Steps in which the repetition of a round advances the clock, in microseconds.
@@ -83,7 +83,8 @@ pub(crate) struct Round {
     wrong: Option<&'static Wrong>,
     /// Moves after the recovery.
     afterwards: Vec<String>,
-    /// Additional actions of a second run, each a list of lines. The run undoes them again.
+    /// Detours of a second run of the round, each a list of lines. The second run executes these lines and then undoes
+    /// them.
     detours: Vec<Vec<String>>,
     slice_us: u64,
     /// The function that checks bounds.
@@ -91,7 +92,7 @@ pub(crate) struct Round {
 }
 
 impl Round {
-    /// Returns the round that the seed determines, with one of these exercises.
+    /// Chooses a round with one of these exercises. The same seed gives the same round.
     ///
     /// # Errors
     /// The plant of an exercise is refused, which is an error in the code of its device.
@@ -154,8 +155,8 @@ impl Round {
         Self { moves, ..self.clone() }
     }
 
-    /// Returns the text of the scenario. With `another_way` the clock advances in smaller steps, and the detours are
-    /// made and undone. The result must not depend on this.
+    /// Returns the text of the scenario. With `another_way`, the clock advances in smaller steps, and the text contains
+    /// the detours. The result of the run must be the same.
     pub(crate) fn text(&self, another_way: bool) -> String {
         let mut text = format!(
             "// Random scenario: {}, {}, seed {}.\n\n",
@@ -199,7 +200,8 @@ impl Round {
             }
             (RoundKind::Disturbed | RoundKind::Hostile | RoundKind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
-                // Non-volatile memory keeps the values that a program has stored in it.
+                // Hostile programs store any values in non-volatile memory, and these survive the restart. So a hostile
+                // round does not check the values.
                 let bounds = if self.kind == RoundKind::Hostile { "" } else { "in_bounds();\n" };
                 format!(
                     "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}{bounds}"

@@ -24,8 +24,8 @@ pub(crate) fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(
         if tries == 0 {
             break;
         }
-        // The loop tries all remaining items once more, because an item may have been necessary only for an item that
-        // is now removed.
+        // When the parts are single items, the loop runs again until it removes nothing: an item may have been
+        // necessary only for another item that is now removed.
         part = if part == 1 && kept.len() == before { 0 } else { (part / 2).max(1) };
     }
     kept

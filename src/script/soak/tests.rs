@@ -91,7 +91,7 @@ fn journals_of_all_devices_are_those_that_are_kept() {
     );
 }
 
-/// A register of each exercise that has one is set to a value without a meaning.
+/// If the plant of an exercise has a checked register, this register is set to a value without a meaning.
 #[test]
 fn a_round_fails_where_a_register_is_out_of_its_bounds() {
     let mut tried = 0;
@@ -119,7 +119,7 @@ fn a_round_fails_where_a_register_is_out_of_its_bounds() {
         }
         // A port in another role, or a slot with another module, has another register at this address.
         let is_found = areas.into_values().any(|(place, value)| {
-            // The value stays, independent of the firmware's actions.
+            // The register is forced, so the firmware cannot replace the value.
             round.moves = vec![format!("force({place:?}, {value});")];
             let outcome = run("wrong", &round.text(false)).outcome;
             matches!(outcome, Outcome::Failed(it) if it.what.contains(&place) && it.what.contains("no meaning"))
@@ -139,7 +139,7 @@ fn counters_have_bounds() {
     assert!(counters.len() >= 3, "{counters:?}");
 }
 
-/// An error that the wrong program does not cause is not found.
+/// A round with a wrong program fails if the checker does not report the expected error.
 #[test]
 fn a_round_fails_where_a_device_is_not_as_it_should_be() {
     let exercise = exercises().find(|exercise| !exercise.wrongs.is_empty()).unwrap();

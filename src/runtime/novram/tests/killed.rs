@@ -7,7 +7,8 @@ use std::process::{Command, Stdio};
 
 const DIRECTORY: &str = "COMMRAM_TEST_NOVRAM";
 const KILLS: u64 = 300;
-/// Longest time for the child to write before the kill, unless the machine is too slow to write anything.
+/// Longest time for which the child process writes before the kill. On a slow machine it gets more time, until it has
+/// written something.
 const LONGEST_US: u64 = 4_000;
 const SLOWEST_US: u64 = 500_000;
 
