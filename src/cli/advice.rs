@@ -4,7 +4,7 @@ use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// A command, an invalid word that users write after it, and the correct command line.
+/// Entries: a command, an invalid word that users write after this command, and the correct command line.
 const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
@@ -35,7 +35,8 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("board", "stop", "commram board set switch=stop"),
 ];
 
-/// An option of another program; an option that only the affected commands have; and the correct option.
+/// Entries: an option of another program, an option by which the affected commands are recognized, and the correct
+/// option.
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("--json", "format", "--format json"),
     ("--jsonl", "format", "--format jsonl"),
@@ -51,8 +52,8 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("--realtime", "clock", "--clock realtime"),
 ];
 
-/// An option of another program that is not needed here; an option that only the affected commands have; and the
-/// reason.
+/// Entries: an option of another program that commram does not need, an option by which the affected commands are
+/// recognized, and the reason.
 const NEEDLESS: &[(&str, &str, &str)] = &[
     ("--retries", "shard", SAME_RESULT),
     ("--reruns", "shard", SAME_RESULT),
@@ -128,7 +129,7 @@ fn of_option(
     table.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
 }
 
-/// Returns the options that the user can give in place of a missing argument.
+/// If an argument is missing, returns the options that the user can give instead.
 fn missing(error: &Error, path: &str) -> Option<String> {
     if error.kind() != clap::error::ErrorKind::MissingRequiredArgument {
         return None;

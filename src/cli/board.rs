@@ -315,7 +315,8 @@ fn set(instance: &Instance, words: &[BoardAssignment<'_>]) -> Result<(), CliErro
     let session = Session::open(instance, 0)?;
     // Checks all settings before the first one is set.
     let ops = words.iter().map(|word| operation(&session, word)).collect::<Result<Vec<_>, CliError>>()?;
-    // A setting can depend on an earlier one. Therefore the emulator may refuse it after earlier settings took effect.
+    // A setting can depend on an earlier one, so the emulator checks it only when the earlier ones have taken effect.
+    // An error therefore names the settings that were made.
     for (done, reply) in session.replies(&ops)?.into_iter().enumerate() {
         let Reply::Error(refused) = reply else { continue };
         if done > 0 {

@@ -154,7 +154,8 @@ impl DumpEntry {
         let Some((width, bits)) = bits.filter(|(_, bits)| *bits >= 0) else {
             return Err(format!("{register}: hex `{hex}`: write 16# and 2, 4 or 8 digits, such as 16#0043"));
         };
-        // If the highest bit of a signed register is set, its number is negative.
+        // The number of a signed register is negative if the highest bit is set. So both forms of the bit pattern are
+        // accepted.
         if value.is_some_and(|value| value != bits && value != bits - (1 << width)) {
             let value = value.unwrap_or_default();
             return Err(format!("{register}: value {value} and hex {hex} are different values"));

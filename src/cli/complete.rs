@@ -159,7 +159,7 @@ fn registers_with(current: &str, suffix: &str) -> Vec<Candidate> {
     found.map(|(name, help)| candidate(name, help)).collect()
 }
 
-/// Completes the values of a register if one of these operators precedes the cursor.
+/// Completes the value of a register if the text before the cursor is a register and one of these operators.
 fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
     let (register, front) = signs.iter().find_map(|sign| {
         let (register, _) = current.split_once(sign)?;

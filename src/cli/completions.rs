@@ -59,12 +59,13 @@ fn script(shell: Shell) -> Result<String, CliError> {
         Shell::Bash => script
             .replacen("[=/:]$", "[=/:.[]$", 1)
             .replacen(
-                // After a separator, bash completes the empty text. The separator itself must be kept.
+                // After a separator such as `=`, bash passes the separator as the word to complete. The word to
+                // complete is then empty, and the separator must stay in the line.
                 "        words[COMP_CWORD]=\"$2\"",
                 "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
                 1,
             )
-            // A candidate must not be expanded as a pattern of file names.
+            // Bash must not expand a candidate as a pattern of file names.
             .replacen(
                 "    COMPREPLY=( ",
                 "    local globbing=\"$(shopt -po noglob)\"\n    set -f\n    COMPREPLY=( ",

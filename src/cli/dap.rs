@@ -43,7 +43,8 @@ pub(crate) fn run(_: &Args) -> Result<(), CliError> {
         }
         match next {
             Next::Continue => {}
-            // The thread of the scenario ends with this process. Its plant is memory of this process.
+            // The thread of a scenario may still run. It ends with this process, and its plant is only memory of this
+            // process.
             Next::End => return Ok(()),
             Next::Fail(reason) => return Err(CliError::Editor { reason }),
         }

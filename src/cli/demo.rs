@@ -1,7 +1,7 @@
 //! `commram demo`: a complete example in one command.
 //!
-//! Three processes: the emulator (`commram run`), a soft-PLC ([`plc`]) that uses only the image file, and this
-//! process, which starts, watches and ends them.
+//! The demo has three processes: the emulator (`commram run`), a soft-PLC ([`plc`]) that uses only the image file, and
+//! this process, which starts, watches and ends the other two.
 
 pub(crate) mod plc;
 mod processes;
@@ -88,7 +88,7 @@ fn watch(emulator: &mut Emulator, plc: &mut SoftPlc, interrupts: &Interrupts) ->
         }
         if emulator.has_ended()? {
             let since: &mut Instant = emulator_ended.get_or_insert_with(Instant::now);
-            // The soft-PLC detects the end of the emulator, too, and can report its last action.
+            // The emulator has ended. The soft-PLC detects this, too, and gets some time to report its last action.
             if since.elapsed() > GRACE {
                 return Err(CliError::Demo("the emulator has ended unexpectedly".to_owned()));
             }

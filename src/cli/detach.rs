@@ -63,7 +63,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     printed
 }
 
-/// Returns a pipe for an output of a child, and the text that a thread reads from the pipe up to its end.
+/// Returns a pipe for an output of a child. A thread reads the pipe up to its end and sends the text to the receiver.
 ///
 /// # Errors
 /// The operating system cannot create a pipe or start a thread.
@@ -146,7 +146,7 @@ impl Detached {
 /// # Errors
 /// The log is an output of this process.
 fn refuse_own_output(log: &Path) -> Result<(), CliError> {
-    // If the file does not exist, it is created later.
+    // A file that does not exist cannot be an output of this process, so it is accepted. It is created later.
     let Ok(found) = rustix::fs::stat(log) else { return Ok(()) };
     let is = |output: Result<Stat, Errno>| {
         output.is_ok_and(|output| (output.st_dev, output.st_ino) == (found.st_dev, found.st_ino))

@@ -133,8 +133,8 @@ fn distance(refusal: &LayoutError) -> u8 {
     }
 }
 
-/// Returns the addresses of each device that begin with the same letter as `text`; all addresses if no device has such
-/// addresses.
+/// Lists, for each device, the ranges of its addresses that begin with the same letter as `text`. If no device has such
+/// addresses, lists all ranges.
 fn addresses_like(text: &str) -> String {
     let letter =
         text.strip_prefix('%').and_then(|rest| rest.chars().next()).map(|it| it.to_ascii_uppercase());
@@ -150,8 +150,8 @@ fn addresses_like(text: &str) -> String {
     if alike.is_empty() { devices(&|_| true) } else { alike }
 }
 
-/// Does the same as [`on_any_device`] for a single device. If the result depends on the type of a port, any type that
-/// has the register is accepted.
+/// Does the same as [`on_any_device`] for a single device. If the result depends on the role of a port, tries all
+/// roles, and accepts the first one that has the register.
 fn on_any_fit<T>(
     device: &'static DeviceLayout,
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

@@ -94,7 +94,8 @@ fn now(
 ) -> Result<(Vec<RegisterValue>, Option<&'static str>), CliError> {
     let refused = |held| on_any_device(|fitted| area(fitted.device(), held).map(drop)).err();
     if let Some(refusal) = before.iter().find_map(refused) {
-        // The device may be in a folder; then only the instance has its registers.
+        // The register may belong to a device in a folder. Only a running instance knows the registers of such a
+        // device.
         answer_of_instance(instance, refusal, |_| Ok(()), |_| Ok(()))?;
     }
     let session = Session::open_for_reading(instance)?;
@@ -121,8 +122,8 @@ fn now(
     Ok((registers, phase_register))
 }
 
-/// Returns the names of the plain RAM in `before`: a dump of all blocks contains no plain RAM. If the addresses of
-/// `before` come from a dump of a whole area, the area is read; otherwise only these addresses are read.
+/// Returns the names of the plain RAM in `before`: a dump of all blocks contains no plain RAM. If `before` can be the
+/// dump of a whole area, the area is read. If it has other addresses, only these addresses are read.
 fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>, CliError> {
     let mut areas = BTreeMap::<_, (&Area, Vec<&RegisterValue>, bool)>::new();
     for held in before {

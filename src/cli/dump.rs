@@ -153,7 +153,8 @@ impl Blocks {
             let mut plcs = DeviceIndex::first(session.plcs().len());
             plcs.try_for_each(|plc| add(plc, ""))?;
         }
-        // Sorted by PLC. The parts of a PLC stay in the order of the addresses or of the arguments.
+        // Sorts by PLC. The sort is stable, so the parts of a PLC stay in the order of the addresses or of the
+        // arguments.
         parts.sort_by_key(|part| part.plc);
         Ok(Blocks(parts))
     }

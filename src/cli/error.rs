@@ -214,7 +214,7 @@ errors! {
         /// Emulated time at the end.
         time_us: u64,
     } => Exit::Failed,
-    /// The emulator advances the clock, for this client or another one.
+    /// The emulator does not answer in time, because it advances the clock for this client or for another one.
     #[error(
         "instance '{instance}' did not handle the request within {after_ms} ms: it advances the clock, for this command or another one, and is at {}{}",
         time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |client| format!(", where it waits for {client}"))

@@ -48,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if found.is_empty() {
         let searched = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
         let names: Vec<_> = searched.map(|entry| entry.name).collect();
-        // The comparison ignores area and indices, because users rarely misspell them.
+        // The suggestions compare names without area and indices, because users rarely misspell these.
         let bare = |name: &String| {
             let name = name.split('[').next().unwrap_or_default();
             name.split_once('.').map_or(name, |(_, register)| register).to_owned()

@@ -27,7 +27,7 @@ const PART: usize = 4096;
 /// channel does not end the process.
 pub(super) fn to_stderr() {
     let most = if output::is_verbose() { Level::DEBUG } else { Level::WARN };
-    // This fails only if the process has already set another subscriber.
+    // An error is ignored: it occurs only if the process has already set another subscriber.
     let _ = set_global_default(Log { most });
     panic::set_hook(Box::new(|info| {
         let thread = thread::current();
@@ -103,7 +103,7 @@ fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
 fn takes(output: &impl AsFd, patience_ns: i64) -> bool {
     let patience = Timespec { tv_sec: 0, tv_nsec: patience_ns };
     let mut polled = [PollFd::new(output, PollFlags::OUT)];
-    // A closed output also counts as ready; the write to it then has no effect.
+    // `poll` also reports a closed output as ready. The write to it fails, and the error is ignored.
     rustix::io::retry_on_intr(|| poll(&mut polled, Some(&patience))).is_ok_and(|ready| ready > 0)
 }
 

@@ -94,7 +94,7 @@ fn serve() -> Result<(), CliError> {
     Ok(())
 }
 
-/// Answers a message whose request is not known.
+/// Answers a message that cannot be assigned to a request.
 fn refuse(code: ErrorCode, reason: &str) -> Result<Next, CliError> {
     let error = json!({ "code": code as i32, "message": reason });
     let answer = json!({ "jsonrpc": "2.0", "id": null, "error": error });

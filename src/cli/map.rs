@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
                 other => other,
             })?)
         }
-        // Without an instance only the type of the device is known, and not its options.
+        // If the user has not named an instance, only the device is known, and not its options.
         None => DeviceFit::unknown(args.device.layout()),
     };
     let device = fitted.device();

@@ -170,14 +170,15 @@ pub(crate) fn page(text: &str) -> Result<(), CliError> {
     let mut command = Command::new("sh");
     command.args(["-c", &pager]).stdin(Stdio::piped());
     if std::env::var_os("LESS").is_none() {
-        // Options of `less`: show colours, end at once if the text is short, leave the text on the screen.
+        // Default options of `less`: F ends at once if the text is short, R shows colours, X leaves the text on the
+        // screen.
         command.env("LESS", "FRX");
     }
-    // While the pager runs, this process ignores Ctrl-C.
+    // Ctrl-C is for the pager. This process catches the signal, so that it does not end before the pager.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, std::sync::Arc::default());
     let Ok(mut child) = command.spawn() else { return print(text) };
     if let Some(mut input) = child.stdin.take() {
-        // Writing fails if the user leaves the pager before the end of the text.
+        // An error is ignored: writing fails if the user leaves the pager before it has read the whole text.
         let _ = input.write_all(text.as_bytes());
     }
     match child.wait() {

@@ -80,7 +80,7 @@ pub(super) fn with_options_after_command(
     while let Some(word) = rest.peek().and_then(|word| word.to_str()).map(str::to_owned) {
         let count = match word.as_str() {
             "-i" | "--instance" | "--color" => 2,
-            // These words end the search for options, wherever they are.
+            // At one of these words the search for options ends: it is not a command, and the parser handles it.
             "-h" | "--help" | "-V" | "--version" | "--" => break,
             word if word.starts_with('-') => 1,
             word => match command.find_subcommand(word) {
@@ -134,7 +134,8 @@ fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::E
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return error;
     }
-    // If the mistake is in an environment variable, this second attempt succeeds. The original error is returned then.
+    // If the mistake is in an environment variable, this second attempt succeeds, because it ignores the environment.
+    // The function then returns the original error.
     let other = bare(command()).try_get_matches_from(words).err();
     other.filter(|other| other.kind() == error.kind()).unwrap_or(error)
 }

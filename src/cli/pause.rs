@@ -93,7 +93,7 @@ impl Pause {
 
     pub(crate) fn wait(&mut self) -> Result<PauseEnd, CliError> {
         let out = io::stdout();
-        // No event is requested for the output: `poll` always reports that the reader has closed the output.
+        // The output needs no requested event: `poll` reports in any case that the reader has closed it.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
         match poll(&mut files, Some(&INTERVAL)) {
             // A signal interrupted the call. The signal handler has written its byte, which the next call reads.

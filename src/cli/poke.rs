@@ -71,7 +71,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());
-    // With very many writes, not all reads fit into the request with the writes.
+    // A request has a maximum number of operations. If there are very many writes, some of the reads follow in further
+    // requests.
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
     if !rest.is_empty() {

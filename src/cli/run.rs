@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
     args.federate.check(clock, args.settings.keeps_novram())?;
-    // From here on a signal ends the emulator cleanly, unless the start hangs.
+    // From here on, a signal makes the emulator end in an orderly way. If the start hangs, the signal ends the process.
     let signals = TerminationSignals::take()?;
     end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {
@@ -127,7 +127,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let (stop, instance) = (emulator.stop_handle(), name.clone());
             let then = move |address: Option<String>| {
                 match address {
-                    // A detached process has no parent that reads its exit code, so errors are dropped.
+                    // The parent of a detached process does not read the exit code, so an error at the output is
+                    // ignored.
                     Some(address) => drop(announce(&instance, &(ready + &address))),
                     None => stop.stop(),
                 }

@@ -118,7 +118,7 @@ impl Session {
     fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
         use crate::channel::ClientError;
         match Self::connect(instance, images, 0) {
-            // The emulator runs, but could not create a channel.
+            // The emulator runs, but has no channel. So the images are read directly.
             Err(CliError::NoChannel { .. } | CliError::Client(ClientError::NotRunning { .. }))
                 if images_of(instance).is_ok() =>
             {
@@ -279,7 +279,8 @@ impl Session {
 
     /// Opens the images of an instance without the channel.
     fn map(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
-        // After a restart with fewer PLCs, images of the previous emulator may still exist.
+        // Some images may be from an earlier emulator that had more PLCs. If any image has a living emulator, such
+        // images are left out.
         let any_alive = images.iter().any(is_alive);
         let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
         let attach = |image: &ImageInfo| devices::attach(instance, &image.plc, AttachMode::ReadOnly);
@@ -404,7 +405,7 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
     let mut data = Vec::with_capacity(reads.len());
     for read in reads {
         let (Read::Register { plc, .. } | Read::Block { plc, .. }) = *read;
-        // The index comes from this session, so the image exists.
+        // The index comes from this session, so there is an image with this index; `else` never happens.
         let Some(image) = images.get(plc.index()) else { continue };
         data.push(match *read {
             Read::Register { offset, width, .. } => {

@@ -243,7 +243,8 @@ impl Shell {
             },
         };
         output::complain(&why);
-        // If another emulator has replaced this one, the connection and the variables of the shell are lost.
+        // The shell is connected to one emulator. If that emulator has ended or was replaced, the connection and the
+        // variables of the shell are lost.
         if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
             self.lines = None;
         }

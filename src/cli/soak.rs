@@ -129,7 +129,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         .collect::<Result<_, CliError>>()?;
     rows.push(Row::of(kills::NAME, String::new()));
     let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
-    // The last row belongs to the rounds with kills. It is removed if no such round was played.
+    // The last row of the table is for rounds with kills. If there was no such round, the row is removed.
     let _ = rows.pop_if(|row| row.is_empty());
     if args.format.format == Format::Text {
         rows.extend(Row::sums(&rows));
@@ -181,7 +181,7 @@ fn play(
                     if let Some(fails) = &judged.failure {
                         end_with(failure, over, || Ok(judge.keep(fails, &|| interrupts.any())));
                     }
-                    // The receiver lives until all results have been received.
+                    // Sending cannot fail: the receiver exists until all results have been received.
                     let _ = send.send(judged);
                 }
             };
@@ -206,7 +206,7 @@ fn play(
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).transpose()
 }
 
-/// Stops all rounds; `result` is reported unless an earlier result exists.
+/// Stops all rounds. `result` becomes the result of the command, unless another round has set one before.
 fn end_with(
     first: &Mutex<Option<Result<String, CliError>>>,
     over: &AtomicBool,

@@ -144,7 +144,8 @@ impl Settings {
         }
         let names = emulator.plant().names();
         self.record(instance, &names, |plc, offset, len| emulator.keep_changes(plc, offset, len))?;
-        // A note, because the name may be mistyped: flags and parameters would then start with their defaults.
+        // The user may have mistyped the name of the directory. Flags and parameters then start with their defaults, so
+        // a note reports the new directory.
         if let Some(new) = new.filter(|directory| directory.exists()) {
             super::output::note(&format!(
                 "NOVRAM directory {} did not exist; it was created empty",
@@ -244,7 +245,7 @@ pub(crate) struct TerminationSignal {
     pub(crate) number: i32,
     /// True if `commram stop` has sent the signal; the signal then concerns only the emulator.
     pub(crate) is_from_stop: bool,
-    /// Process id of the sender; `None` if the kernel has sent the signal, or an invisible process.
+    /// Process id of the sender; `None` if the sender is the kernel, or a process that is not visible here.
     sender: Option<u32>,
 }
 
@@ -324,7 +325,7 @@ impl TerminationSignals {
 pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
     let was_pressed = AtomicBool::new(false);
     let act = move |signal: &libc::siginfo_t| {
-        // Only the kernel can send a signal with this code.
+        // A signal with this code comes from the kernel, and not from another process.
         if signal.si_code == libc::SI_KERNEL && was_pressed.swap(true, Ordering::Relaxed) {
             end_by(SIGINT);
         }

@@ -34,8 +34,8 @@ pub(crate) struct Args {
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time limit for the system to remove a process that has been killed.
 const DYING: Duration = Duration::from_secs(1);
-/// Longest wait for an emulator that has confirmed its end; after it the emulator also gets a signal. The confirmation
-/// in the header page may come from another program.
+/// Longest wait for an emulator that has confirmed the request. After this time the emulator also gets a signal,
+/// because another program can write the same confirmation to the header page.
 const DOUBT: Duration = Duration::from_secs(1);
 /// Pause between two checks of whether the emulator has ended.
 const LOOK: Duration = Duration::from_millis(2);
@@ -51,7 +51,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         super::web::remove_left_files()?;
     }
     if args.all {
-        // If the user names the default instance explicitly, it cannot be distinguished from an omitted name.
+        // The arguments do not show whether the user has named the default instance or no instance. So only another
+        // name is refused.
         if *name != InstanceName::usual() {
             let right = "ends all instances; leave out either this or --all".to_owned();
             return Err(CliError::Argument { text: format!("--all -i {name}"), right });
@@ -174,7 +175,8 @@ fn clean_up(name: &str) -> Result<Option<String>, CliError> {
                  left alone\n"
             )));
         }
-        // The new emulator has already ended, so its files may need to be removed.
+        // Another emulator of this name has started and ended in the meantime. It may have left files, too, so the
+        // removal begins again.
         tries += 1;
         if tries == CLEANING_TRIES {
             return Err(taken.into());
@@ -240,7 +242,8 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
     let mut let_go_on = go_on(name, process);
     let_go_on()?;
-    // Each attached image shows the final status of the emulator, even after its file has been removed.
+    // An image that was attached before the end still shows the final state of the emulator when its file has been
+    // removed.
     let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
     let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
     let pid = process.map(EmulatorProcess::pid).or_else(|| alive(&images_of(name).ok()?));
@@ -255,7 +258,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // No signal is sent to an emulator that this process cannot see. Usually the emulator has just ended.
+    // A process that is not visible here gets no signal. Usually it has just ended.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();
@@ -269,8 +272,8 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         if start.elapsed() > DOUBT {
             terminate()?;
         }
-        // The stop signal may have arrived after the first check. The termination signal takes effect only when the
-        // process runs.
+        // The process may have been stopped (SIGSTOP) since the first check. It must run, so that the termination
+        // signal takes effect.
         let_go_on()?;
         running.wait(LOOK);
     }
@@ -319,10 +322,11 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);
     let patience = Patience { enter_limit: ANSWER, reply: ANSWER, ..Patience::default() };
-    // The client is dropped at the end of this function: the emulator can remove its channel only without clients.
+    // The emulator can remove its channel only when no client is connected. So this client must not outlive the
+    // function.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
-    // The next emulator can open a channel only after the present emulator has released its locks. If the present
-    // emulator still holds the locks, the connected channel belongs to it.
+    // Another emulator of this name can open a channel only after `running` has released its locks. So if `running`
+    // still holds its locks, the connected channel belongs to it.
     if running.has_ended() {
         return Ok(());
     }

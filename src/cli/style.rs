@@ -17,8 +17,8 @@ pub(crate) enum ColourMode {
     Never,
 }
 
-/// Sets the colour mode from the arguments before they are parsed: errors in the arguments may have to be printed
-/// in colour.
+/// Sets the colour mode from the arguments before the arguments are parsed, because an error of the parser may need
+/// colours.
 pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
     let mut arguments = arguments.take_while(|argument| argument != "--");
     let mut when = None;

@@ -229,7 +229,8 @@ mod tests {
         for text in [csv(&pair()), aligned(&pair())] {
             assert!(text.contains("\\u{1b}[2J\\u{9b}\\u{202e}"), "{text:?}");
         }
-        // A brace is an entity in Markdown, because some programs give two of them a meaning.
+        // Markdown has an entity in place of each brace, because some programs expand two adjacent braces as a
+        // template.
         let text = markdown(&pair());
         assert!(text.contains("\\u&#123;1b}[2J\\u&#123;9b}\\u&#123;202e}"), "{text:?}");
     }

@@ -164,7 +164,7 @@ impl Args {
     /// Returns how the results are shown.
     ///
     /// # Errors
-    /// The events and a report would both go to the standard output.
+    /// The options would send both the events and a report to the standard output.
     fn shown(&self) -> Result<Shown, CliError> {
         let beside_report = self.outputs().any(|path| input_file::is_standard(path));
         let format = self.format.table();
@@ -291,7 +291,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let others =
         args.report.iter().map(|file| write_report(&file.path, &file.content(&reports, args.shard())?));
     let others: Vec<_> = others.collect();
-    // The verdict does not depend on whether the output has a reader.
+    // If the reader of the output has gone, this is no error: the exit code depends only on the scenarios.
     let shown =
         shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
     first_of(ending, [shown, written].into_iter().chain(others))
@@ -437,7 +437,8 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             return Err(CliError::Interrupted);
         }
         std::thread::sleep(watch::PAUSE);
-        // The directory and its files may be missing for a moment.
+        // Between two rounds, a user may replace the directory and its files. If they are missing for a moment, the
+        // list is empty.
         files = selection::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
     }
 }

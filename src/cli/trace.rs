@@ -76,8 +76,8 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// True if the output counts cyclic traffic instead of showing each record: on a terminal, unless the user has
-    /// selected records.
+    /// True if the output shows a count of cyclic traffic in place of each single record. This is so on a terminal,
+    /// unless the user has selected records.
     fn is_folded(&self) -> bool {
         use std::io::IsTerminal;
         let has_choice = !self.kind.is_empty() || self.last.is_some() || self.from != 0;

@@ -68,7 +68,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             model.pins.toggle(plc, place);
         }
     }
-    // The view opens a separate connection; this session would occupy a client slot as long as the view runs.
+    // The view opens its own connection. So this session is closed; otherwise it would occupy the place of a client
+    // while the view runs.
     drop(session);
     terminal::run(model, args.instance.name())
 }

@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Ok(Ok(pass_on)) = passed {
         let _ = started.send(pass_on);
     }
-    // The thread still waits for the value, so sending cannot fail.
+    // Sending cannot fail, because the thread waits for this value.
     let _ = give.send(child);
     let outcome = emulator.run();
     drop(emulator);
@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Err(ended)
 }
 
-/// Ends this process in the same way in which another process has ended.
+/// Returns the error by which this process ends in the same way as a process with this exit status.
 pub(crate) fn ended_like(status: ExitStatus) -> CliError {
     let code = status.code().or_else(|| Some(BY_SIGNAL + status.signal()?));
     CliError::Ended(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX))
@@ -128,11 +128,11 @@ fn pass_on(child: &Child, emulator: StopHandle) -> io::Result<OnSignal> {
 }
 
 fn send(process: &OwnedFd, signal: Signal) {
-    // An error means that the process has just ended, as intended.
+    // An error is ignored: it means that the process has just ended, and the signal was to end it.
     let _ = rustix::process::pidfd_send_signal(process, signal);
 }
 
-/// True if the terminal sends Ctrl-C to both this process and its command.
+/// True if Ctrl-C in the terminal reaches both this process and its command, so that the signal need not be passed on.
 fn is_ours_in_the_terminal() -> bool {
     let input = io::stdin();
     let foreground = || rustix::termios::tcgetpgrp(&input).ok();

@@ -35,7 +35,8 @@ impl RegisterWrite {
             replies.extend(session.request(part)?);
         }
         let mut replies = replies.into_iter();
-        // An earlier write to the same register changes the value from which a later write starts.
+        // Several writes may concern bits of one register. So each write to a bit starts from the value after the
+        // preceding writes.
         let mut known: HashMap<(DeviceIndex, u32), u32> = HashMap::new();
         let mut prepared = Vec::with_capacity(writes.len());
         for (place, value) in writes {

@@ -97,8 +97,8 @@ fn read(path: &Path) -> Result<Log, CliError> {
 }
 
 impl Log {
-    /// Selects messages and assigns each to a bus. Prints notes for skipped messages and for restarts of the logger's
-    /// clock. The times continue after a restart.
+    /// Selects messages and assigns each to a bus. After a restart of the logger's clock, changes the times so that
+    /// they continue. Prints notes for skipped messages and for restarts.
     ///
     /// # Errors
     /// The instance has no bus `only`.
@@ -203,8 +203,8 @@ impl PassedOver {
     }
 }
 
-/// Changes the time of each message that is earlier than the time of a preceding message of its bus to this time.
-/// Returns the positions of these messages.
+/// If the time of a message is earlier than that of a preceding message of its bus, sets it to the time of the
+/// preceding message. Returns the positions of these messages.
 fn put_in_order(log: &mut [AddressedMessage]) -> Vec<usize> {
     let mut latest: BTreeMap<BusIndex, u64> = BTreeMap::new();
     let mut earlier = Vec::new();

@@ -11,7 +11,7 @@ pub(super) fn quoted(text: &str) -> Option<String> {
     while let Some((at, sign)) = rest.next() {
         let is_read = match sign {
             '~' | '#' => at == 0,
-            // `!` is part of the operator `!=` of a condition.
+            // In the operator `!=` of a condition, `!` needs no quotes.
             '!' => !rest.as_str().starts_with('='),
             _ => " \\'\"`$&;|<>(){}*?^".contains(sign),
         };

@@ -6,9 +6,10 @@ use crate::script::debug::{StopReason, Visit};
 /// Goal of a user who goes back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Direction {
-    /// The previous place of this function or of a caller; after a failure, the place that fails.
+    /// Back to the previous place of this function or of a caller. After a failure, back to the place at which the
+    /// scenario has failed.
     Step,
-    /// The last place with a breakpoint; without such a place, the first place.
+    /// Back to the last place with a breakpoint. If there is no such place, back to the first place.
     Breakpoint,
 }
 
@@ -23,7 +24,8 @@ struct Visited {
 enum Goal {
     /// The run stops at this place.
     Place(Visited, StopReason),
-    /// The run searches the last place with a breakpoint before a visit with this number. The next run stops there.
+    /// This run searches the last place with a breakpoint that has a lower number of the visit than `before`. The next
+    /// run stops at the found place.
     Search { before: u64, found: Option<Visited> },
 }
 
@@ -33,7 +35,7 @@ pub(super) struct History {
     first: Option<Visited>,
     /// The latest place.
     here: Option<Visited>,
-    /// The place that a step back from `here` reaches.
+    /// The place to which a step back from the present place leads.
     before: Option<Visited>,
     /// The latest place of each function in the call stack, the outermost first.
     latest: Vec<Visited>,
@@ -42,7 +44,7 @@ pub(super) struct History {
     goal: Option<Goal>,
     /// True if the present run ends because another one begins.
     ends: bool,
-    /// True if a run came to another line than the run before: its files have changed.
+    /// True if a run came to another line than the previous run, because the files of the scenario have changed.
     differs: bool,
 }
 
@@ -64,7 +66,7 @@ impl History {
         core::mem::take(&mut self.ends)
     }
 
-    /// Returns true once if the run came to another line than the run before.
+    /// Returns true once if the run came to another line than the previous run.
     pub(super) fn takes_difference(&mut self) -> bool {
         core::mem::take(&mut self.differs)
     }
@@ -140,8 +142,8 @@ impl History {
         true
     }
 
-    /// Called where a run would stop. True if the run was a search: the caller ends it, and the next run stops at the place
-    /// that it has found.
+    /// Called at a place where a run would stop. Returns true if the run was only a search: the caller then ends it,
+    /// and the next run stops at the place that the search has found.
     pub(super) fn has_searched(&mut self) -> bool {
         let Some(Goal::Search { found, .. }) = self.goal.take() else { return false };
         let entry = || self.first.map(|first| Goal::Place(first, StopReason::Entry));

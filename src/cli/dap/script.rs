@@ -21,8 +21,8 @@ pub(super) const VARIABLES: u64 = 1;
 pub(super) const AREAS: u64 = 2;
 /// Reference of the first area.
 const FIRST_AREA: u64 = 1000;
-/// Maximum number of printed lines that wait for the editor. With more, the scenario waits: requests of the editor are
-/// answered after these lines.
+/// Maximum number of printed lines that wait for the editor. If there are more, the scenario waits. This keeps the
+/// queue short, because a request of the editor is answered after the lines in the queue.
 const MOST_LINES: usize = 64;
 /// Maximum number of variables in one answer; the editor requests more.
 const MOST_VARIABLES: usize = 2000;
@@ -64,8 +64,8 @@ pub(super) struct Launch {
     pub time_us: u64,
 }
 
-/// Starts the scenario. Its events go to `events`. The caller receives from the result once for each [`Event::Output`]: a
-/// scenario that prints waits while [`MOST_LINES`] of them are on their way.
+/// Starts the scenario. Its events go to `events`. For each [`Event::Output`], the caller must receive once from the
+/// result. While [`MOST_LINES`] outputs are not received, a scenario that prints waits.
 pub(super) fn start(
     launch: Launch,
     shared: Arc<Shared>,
@@ -75,7 +75,8 @@ pub(super) fn start(
     let (lines, printed) = mpsc::sync_channel(MOST_LINES);
     spawn_with_stack(move || {
         let Launch { program, stop_on_entry, is_debugged, device, time_us } = launch;
-        // A stop takes real time, and an editor can pause an endless script.
+        // No limit of real time or of steps: a stop takes real time, and the user can pause an endless script in the
+        // editor.
         let limits = Limits { operations: 0, time_us, real: core::time::Duration::MAX };
         let stop_on_entry = stop_on_entry && is_debugged;
         let (paths, history) = (RefCell::default(), RefCell::default());
@@ -85,7 +86,7 @@ pub(super) fn start(
             stopper.history.borrow_mut().begin();
             let printing = Rc::clone(&stopper);
             let print = move |line: &str| {
-                // The editor has these lines of an earlier run.
+                // A run that repeats an earlier one prints the same lines again. The editor has them already.
                 if !printing.history.borrow().goes_back() {
                     printing.print(line.to_owned());
                 }
@@ -127,7 +128,7 @@ impl ScriptDebugger for Stopper {
             return Visit::Run;
         }
         for (register, value) in history.changes_here() {
-            // The same change succeeded at this place in the run before.
+            // An error is ignored: the same change has succeeded at this place in an earlier run.
             let _ = state.plant(|bench| bench.poke(register, value));
         }
         if self.takes_pause() {

@@ -24,7 +24,7 @@ const THREAD: u64 = 1;
 pub(super) enum Event {
     /// A message of the editor.
     Message(Value),
-    /// The editor has closed the connection; the error if it sent something else than a message.
+    /// The editor has closed the connection, or has sent data that are not a message (the error).
     Closed(Option<io::Error>),
     /// The scenario has printed this text.
     Output(String),
@@ -101,12 +101,13 @@ impl Session {
             Event::Message(message) => return self.message(&message, answers),
             Event::Closed(None) => return Next::End,
             Event::Closed(Some(reason)) => return Next::Fail(reason),
-            // After `terminate` the scenario is over for the editor.
+            // After `terminate`, the editor expects no further events of the scenario.
             _ if matches!(self.state, State::Over) => {}
             Event::Output(line) => self.output(answers, "stdout", &line),
             Event::Stopped { reason, frames, time_us } => self.stopped(reason, frames, time_us, answers),
             Event::Ended(mut report) => {
-                // The adapter has no option that allows such a scenario.
+                // `commram test` has an option that allows a scenario without expectations. The adapter has none, so
+                // the message has no remedy.
                 report.refuse_empty_with("");
                 if let Some(text) = problem(&report.outcome) {
                     self.output(answers, "stderr", &text);
@@ -158,7 +159,8 @@ impl Session {
     }
 
     fn message(&mut self, message: &Value, answers: &mut Vec<Value>) -> Next {
-        // The adapter sends no requests, so that only requests need an answer.
+        // The adapter sends no requests to the editor, so it expects no responses. It ignores all messages except
+        // requests.
         if message["type"] != "request" {
             return Next::Continue;
         }
@@ -352,7 +354,7 @@ impl Session {
     fn send(&mut self, command: Command) -> Result<Value, String> {
         self.stop()?;
         if let State::Stopped(commands, _) = core::mem::replace(&mut self.state, State::Over) {
-            // If the thread has ended, its last event is on the way.
+            // An error is ignored: if the thread has ended, its last event will arrive.
             let _ = commands.send(command);
             self.state = State::Running(commands);
         }

@@ -31,7 +31,8 @@ impl Interrupts {
     pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
-            // The second signal must find the flag set, so the conditional handler is registered first.
+            // The handlers run in the order of their registration. The conditional handler, which ends the process if
+            // the flag is set, comes first, so the first signal only sets the flag.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
                 .map_err(|reason| CliError::Signals { reason })?;
@@ -99,7 +100,7 @@ impl Emulator {
         let (input, out) = (child.stdin.take(), child.stdout.take());
         let mut this = Self { child, instance: instance.to_owned() };
         if let (Some(plant), Some(mut input)) = (plant, input) {
-            // The pipe buffer is larger than the text, so this write does not block.
+            // The text fits into the buffer of the pipe, so this write does not block.
             input.write_all(plant.as_bytes()).map_err(process_error)?;
         }
         let (send, ready) = mpsc::channel();
@@ -159,7 +160,8 @@ impl Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // The child is still running only after an error, which the caller reports.
+        // An error is ignored: the child still runs here only if another error has occurred before, and the caller
+        // reports that error.
         let _ = terminate(&mut self.child, PATIENCE);
         let _ = stop::remove_remains(&self.instance);
     }

@@ -70,7 +70,7 @@ fn begin_of(path: PathBuf) -> Option<Target> {
 fn register(scene: &mut Scene, text: &str) -> Option<Target> {
     let (plc, name) = split_plc(text);
     let found = scene.scope.each(text).into_iter().find_map(|(_, fitted)| fitted.register(name).ok())?;
-    // A name without a prefix refers to the only PLC.
+    // A name without a prefix is valid only if there is one PLC, so the first PLC is meant.
     let plc = plc.map_or_else(|| scene.bench.names().plcs.first().cloned(), |plc| Some(plc.to_owned()))?;
     let inputs = commram_layoutc::read_folder(scene.folders.get(&plc)?).ok()?.inputs;
     in_files(&inputs, &found)

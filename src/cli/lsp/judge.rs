@@ -48,7 +48,7 @@ impl Mistake {
 pub(super) struct Judge<'a> {
     pub(super) view: &'a ScriptView<'a>,
     pub(super) checker: &'a Checker,
-    /// The plant of the script; `None` if the plant is not known or was refused.
+    /// The plant of the script; `None` if the script does not determine its plant, or if the plant was refused.
     pub(super) scene: Option<&'a mut Scene>,
     /// The error message, if the plant was refused.
     pub(super) refusal: Option<String>,

@@ -96,7 +96,7 @@ impl Outline {
     }
 }
 
-/// A bracket without a closing bracket up to the present position of the parser.
+/// A bracket that is open at the present position of the parser.
 struct Open {
     sign: char,
     /// Index of the call to which the parenthesis belongs; `None` if it belongs to no call.
@@ -155,7 +155,7 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
                 }
             }
             ')' | ']' | '}' => close(&mut calls, &mut open, partner(sign), index, token, true),
-            // A statement ends at this token, so an open parenthesis will not be closed any more.
+            // A statement ends at this token. If a parenthesis is still open, its closing parenthesis is missing.
             ';' => {
                 while let Some(top) = open.last().filter(|top| top.sign != '{') {
                     let sign = top.sign;
@@ -261,7 +261,7 @@ fn variables(text: &str, tokens: &[Token]) -> BTreeSet<String> {
             && pair[1].kind == TokenKind::Word
     });
     let mut names: BTreeSet<_> = declared.map(|pair| pair[1].text(text).to_owned()).collect();
-    // Variables of `for (item, index) in` and `catch (error)`, and parameters of closures, `|a, b|`.
+    // Finds the variables of `for (item, index) in` and `catch (error)`, and the parameters of closures, `|a, b|`.
     let mut bars = false;
     for (index, token) in tokens.iter().enumerate() {
         bars ^= token.is(text, "|");

@@ -27,7 +27,7 @@ pub(super) enum PlantName {
     Device(PathBuf),
 }
 
-/// A plant that answers questions about names and refusals. No scenario runs on it.
+/// A plant on which the server looks up names and tries arguments. No scenario runs on it.
 pub(super) struct Scene {
     pub(super) bench: Bench,
     pub(super) scope: PlcScope,
@@ -70,7 +70,8 @@ impl Scenes {
         let folders: Vec<_> =
             folders.map(|scene| scene.folders.values().cloned().collect()).unwrap_or_default();
         let now = stamp(&text, &folders);
-        // If a device is refused, its files are unknown; a refused plant is therefore built again each time.
+        // The files of a refused device are not known, so the stamp does not cover them. So a refused plant is built
+        // again each time.
         let is_known = self.known.get(name).is_some_and(|known| known.stamp == now && known.scene.is_ok());
         if !is_known {
             if self.known.len() >= MOST {

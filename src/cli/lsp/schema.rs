@@ -87,8 +87,8 @@ impl Schema {
         Some((format!("`{key}`: {form}  \n{about}"), place.word.clone()))
     }
 
-    /// Returns the schemas of the table or value at the position. There are several if the section does not contain its
-    /// kind.
+    /// Returns the schemas of the table or value at the position. There are several if the section has several possible
+    /// kinds and does not name its kind.
     fn tables(&self, place: &TablePlace) -> Vec<&Value> {
         let mut found: Vec<&Value> = match self.parts.as_slice() {
             [] => vec![self.root],

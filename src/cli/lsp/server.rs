@@ -72,7 +72,7 @@ impl Server {
                 Next::Continue
             }
             Message::Notification(notification) => self.note(notification, answers),
-            // The server sends no requests, so a response has no meaning.
+            // The server sends no requests, so it ignores responses.
             Message::Response(_) => Next::Continue,
         }
     }
@@ -224,7 +224,7 @@ impl Server {
         let mut judge = Judge { view: &view, checker, scene, refusal, read: &read };
         let mut mistakes = judge.mistakes(document);
         if let Some((dir, name)) = view.part_of_firmware() {
-            // For scripts of a device, these messages replace those for scenarios.
+            // A script of a device is checked by the rules of device folders, not by those of scenarios.
             mistakes = tables::of_folder(document, edited::check_script(dir, name, view.text));
         }
         mistakes.into_iter().map(|mistake| mistake.shown(document)).collect()
@@ -281,8 +281,8 @@ impl Server {
             Some((proposals, document.text.range(&range)))
         });
         let (proposals, range) = found.or(in_table)?;
-        // After a blank or a sign, the editor requests names in a text. The list does not contain the verbs, because it
-        // would become too long.
+        // If the user has typed a blank or a sign, the request is only for names in a text. The verbs are left out,
+        // because the list would become too long.
         let by_sign = params
             .context
             .as_ref()

@@ -49,7 +49,8 @@ impl TablePlace {
         let (section_start, section_end, header) = section(text, line_start);
         let nothing =
             |slot| Self { slot, path: Vec::new(), word: offset..offset, given: Vec::new(), kind: None };
-        // A line that begins with a bracket is a header, unless it continues an array.
+        // A line that begins with a bracket is a header, unless the bracket belongs to an array that continues from an
+        // earlier line.
         if line.trim_start().starts_with('[') && header_of(line).is_none_or(|_| line_start >= section_start) {
             let is_continued = scan(text, section_start, line_start, &[]).open_brackets > 0;
             if !is_continued {

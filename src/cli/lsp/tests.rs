@@ -183,7 +183,7 @@ fn the_plant_of_the_scenario_decides_on_the_registers() {
     assert!(found[0].contains("the plant has several PLCs (a, b)"), "{found:?}");
     editor.open(&at("two.rhai"), "plant(\"two.toml\"); peek(\"b:¦\");");
     assert!(editor.completions().contains(&"b:node1.w_CPU_CONTROL".to_owned()));
-    // The editor has a newer text of the plant than the file.
+    // The plant is changed in the editor but not saved. The server must use the text of the editor.
     editor.open(&at("two.toml"), &plant.replace("\"b\"", "\"c\""));
     editor.open(&at("one.rhai"), "plant(\"two.toml\"); peek(\"b:node2.w_CPU_CONTROL\");");
     assert!(editor.errors()[0].contains("there is no PLC 'b'; there are: a, c"));

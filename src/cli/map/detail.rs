@@ -22,7 +22,7 @@ pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
     text
 }
 
-/// Does the same with the values and bits before the source of each fact, for a small window.
+/// Formats the description for a small window: values and bits precede the sources of the facts.
 pub(crate) fn text_with_values_first(device: &DeviceLayout, entry: &Entry) -> String {
     let mut lines = facts(device, entry);
     lines.extend(remarks(device, entry));

@@ -97,7 +97,7 @@ impl Template {
 impl Ci {
     /// Replaces the names in a text with these additions.
     fn completed(&self, text: String) -> String {
-        // With this condition the scenarios run even if steps before the action fail.
+        // With this condition, the action runs the scenarios even if an earlier step of the workflow has failed.
         let condition = if self.github_before.is_empty() { "" } else { "        if: ${{ !cancelled() }}\n" };
         [
             ("@ci_variables@\n", self.variables),

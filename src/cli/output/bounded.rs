@@ -14,7 +14,7 @@ const INTERVAL: Duration = Duration::from_millis(20);
 /// Number of bytes of one write. If a terminal or pipe accepts such a part, a reader is reading it.
 const PART: usize = 4096;
 
-/// Flag that a termination signal sets. `None` if signals end this process, or do not concern its outputs.
+/// Flag that a termination signal sets. Empty if signals end this process at once, or do not concern its outputs.
 static HAS_TO_END: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// Makes writes return early: when `has_to_end` is set, this process no longer waits for outputs that are not read.

@@ -78,7 +78,7 @@ pub(super) struct RecordedRegisters {
     edges: Vec<Run>,
     /// History of each register. The keys are the PLC and the address.
     registers: BTreeMap<(String, String), Vec<Run>>,
-    /// Number of further events of counted records that the plot may contain.
+    /// Number of events of counted records that can still be added to the plot.
     spare: Cell<u64>,
 }
 
@@ -203,8 +203,8 @@ impl RecordedRegisters {
         let mut events = Vec::new();
         for run in runs {
             let times = window.times(run.last_us, run.count, run.period_us);
-            // A line of several events has two points in any case, for its first and its last event. Only the events in
-            // between count towards the limit.
+            // The first and the last event of a line are always in the plot. Only the events between them count towards
+            // the limit.
             let more = (times.size_hint().0 as u64).saturating_sub(2);
             let spare = self.spare.get().checked_sub(more);
             self.spare.set(spare.ok_or_else(|| self.wrong(&JournalFileError::TooMany { line: run.line }))?);
@@ -290,8 +290,8 @@ mod tests {
 {"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
 "#;
 
-    /// If fields that this reader uses change, the format gets a new version, and the sample of the previous version is
-    /// kept.
+    /// A change of a field that this reader uses needs a new version of the format. The sample of the old version must
+    /// then be kept, too.
     #[test]
     fn a_sample_of_the_format_can_be_read() {
         let bytes =

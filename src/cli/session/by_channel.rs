@@ -45,8 +45,9 @@ impl Session {
     fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
         let (attached, layout) = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
-        // If the instance has a single PLC, its header page also has the names, which saves a request. If a new
-        // emulator is taking over the image of a killed one, only a request shows that the old channel has no server.
+        // If the instance has a single PLC, its header page has all names, so no request is needed. But if a new
+        // emulator is just taking over the image of a killed one, only a request shows that the old channel has no
+        // server.
         let only = match images {
             [image] if taken_from(instance, images).is_none() => {
                 Some((vec![image.plc.clone()], vec![attached.header_snapshot().fitted(layout)]))
@@ -243,8 +244,9 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<(Attached, &'stat
     Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?)
 }
 
-/// Process id of a killed emulator, if another emulator is taking over its images. The new emulator first locks the images, and
-/// later writes its own process id. In between, the killed emulator seems to run.
+/// Process id of a killed emulator, if another emulator is taking over its images. The new emulator first locks the
+/// images, and later writes its own process id into them. Between these steps, the killed emulator seems to run,
+/// because the images are locked and contain its process id.
 fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
     let owner = images.iter().find_map(|image| match &image.condition {
         Condition::Alive(summary) => Some(summary.pid),
@@ -261,8 +263,8 @@ fn no_channel(instance: &str) -> CliError {
     without_channel(instance).unwrap_or_else(not_running)
 }
 
-/// Returns the error of a command that finds no channel although an emulator of this instance is ready: an emulator
-/// opens its channel before it is ready.
+/// Called by a command that has found no channel. An emulator opens its channel before it is ready. So if an emulator
+/// of this instance is ready, it has no channel, and the function returns this error.
 fn without_channel(instance: &str) -> Option<CliError> {
     let is_ready = |image: &ImageInfo| matches!(&image.condition, Condition::Alive(summary) if summary.state == Some(State::Ready));
     let images = images_of(instance).ok()?;

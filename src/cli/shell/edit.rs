@@ -64,7 +64,8 @@ impl LineReader {
             Err(ReadlineError::Interrupted) => Ok(InputLine::Nothing),
             Err(ReadlineError::Eof) => Ok(InputLine::End),
             Err(ReadlineError::Io(reason)) if reason.kind() == io::ErrorKind::InvalidData => {
-                // The rest of the line must not be read as another line.
+                // The terminal may still hold the rest of the line. It is discarded; otherwise it would be read as
+                // another line.
                 let _ = rustix::termios::tcflush(io::stdin(), rustix::termios::QueueSelector::IFlush);
                 output::complain("this line is no text in UTF-8; it was not executed");
                 Ok(InputLine::Nothing)

@@ -133,7 +133,7 @@ pub(super) fn is_open(text: &str) -> bool {
                 signs.next();
             }
             (Some(open), sign) if sign == open => quote = None,
-            // A text between double quotes ends at the end of its line.
+            // In scripts, a text between double quotes cannot continue in the next line.
             (Some('"'), '\n') => quote = None,
             (Some(_), _) => {}
             (None, '"' | '`') => quote = Some(sign),

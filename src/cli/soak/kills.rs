@@ -21,7 +21,8 @@ pub(super) const NAME: &str = "novram";
 const LIVES: usize = 6;
 /// Time limit for the start or the end of an emulator. A slower emulator counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Longest run of a killed emulator. Retain flags are written once a second.
+/// Longest run of an emulator before it is killed, so that the kill often hits a write: the emulator writes retain
+/// flags once a second.
 const LONGEST_LIFE_US: u64 = 1_200_000;
 /// Longest time between the request to end and the kill. Within this time the emulator writes NOVRAM and ends.
 const LONGEST_END_US: u64 = 15_000;
@@ -31,7 +32,7 @@ struct RetainFlags {
     device: String,
     first: u32,
     words: u32,
-    /// The number that is certainly saved, and the number that was stored last.
+    /// The number that is certainly saved in a file; `stored` is the number that was stored last.
     kept: u16,
     stored: u16,
 }
@@ -42,8 +43,8 @@ impl RetainFlags {
         (0..words).map(move |word| first + 2 * word)
     }
 
-    /// Checks that the flags contain the number saved last or numbers stored later. Numbers are stored in ascending
-    /// order, so no number may be followed by one that was stored later.
+    /// Checks that each flag contains the number that was saved last, or a number that was stored later. Each store
+    /// begins at the first flag, so the number of a flag must not be larger than the number of the preceding flag.
     fn check(&mut self, segment: &Segment) -> Result<(), String> {
         let load = |offset| segment.load(offset, Width::Word).map_err(|error| error.to_string());
         let found: Vec<u32> = self.all().map(load).collect::<Result<_, _>>()?;
@@ -89,7 +90,7 @@ impl EmulatorChild {
             let mut line = String::new();
             let mut out = out.map(BufReader::new);
             let _ended = out.as_mut().map(|out| out.read_line(&mut line));
-            // Sending fails if the start has timed out.
+            // An error is ignored: sending fails if the caller has given up because the start has timed out.
             let _ = send.send(line);
             // Reads further output, so that the emulator never blocks on it.
             let _ = out.map(|mut out| std::io::copy(&mut out, &mut std::io::sink()));
@@ -185,7 +186,8 @@ fn live(flags: &mut [RetainFlags], rng: &mut Rng, instance: &str, home: &Path) -
     if asked {
         emulator.signal(Signal::TERM)?;
     }
-    // Some emulators are not killed after the request to end, and get all the time they need.
+    // An emulator that was requested to end is killed only at random. Otherwise it gets all the time that it needs to
+    // end.
     if !asked || rng.bool() {
         let longest = if asked { LONGEST_END_US } else { LONGEST_LIFE_US };
         std::thread::sleep(Duration::from_micros(rng.u64(..longest)));

@@ -68,7 +68,8 @@ impl Row {
         })
     }
 
-    /// Ratio of emulated time to real time. The emulated time of a round counts once, although the round runs twice.
+    /// Returns the ratio of emulated time to real time. The emulated time of a round counts once, although the round
+    /// runs twice.
     fn speed(&self) -> u64 {
         self.emulated_us / self.real_us.max(1)
     }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Maximum number of runs for shortening a failing round.
+/// Maximum number of runs for the search for a shorter round that also fails.
 const TRIES: usize = 200;
 
 /// Runs rounds. Dropping this value removes the files of the rounds.
@@ -75,7 +75,7 @@ impl RoundRunner {
             _ => (round.exercise.name, self.run(&round, &stop)),
         };
         let took = begun.elapsed();
-        // A round that was stopped counts as passed.
+        // If the round was stopped, the failure may be an effect of the stop. So the round counts as passed.
         let failure = why.filter(|_| !stop()).map(|why| (round, why));
         Ok(RoundResult { exercise, emulated_us, took, failure })
     }
@@ -101,7 +101,7 @@ impl RoundRunner {
             Ok(()) => process::run(&file, &self.setting, stop, |_| {}),
             Err(reason) => process::died(&file, &reason.to_string()),
         };
-        // If this fails, the file is removed with the directory.
+        // An error is ignored, because the file is removed with the directory at the end.
         let _ = std::fs::remove_file(&file);
         report
     }
@@ -142,7 +142,7 @@ impl RoundRunner {
 
 impl Drop for RoundRunner {
     fn drop(&mut self) {
-        // If this fails, the files stay in the directory for temporary files.
+        // An error is ignored: the files then stay in the system's directory for temporary files.
         let _ = std::fs::remove_dir_all(&self.directory);
     }
 }

@@ -356,7 +356,8 @@ mod tests {
         }
         assert!(page.contains("&lt;script&gt;alert(&#39;1&#39;)&lt;/script&gt;"), "{page}");
         assert!(page.contains("%3Csvg%3E%3Cscript%3Ealert(%271%27)"), "{page}");
-        // The page has quotes in pairs, and every tag is closed.
+        // A text that was not escaped could open a tag or a quote. So every tag must be closed, and quotes must come in
+        // pairs.
         assert_eq!(page.matches("<details").count(), page.matches("</details>").count());
         assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
     }

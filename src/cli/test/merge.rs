@@ -232,7 +232,8 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
 fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     let (known, empty): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.shard.is_some());
     let Some(count) = known.first().and_then(|part| part.shard).map(Shard::count) else {
-        // All JSON reports are empty, so the number of shards is unknown, and a missing report cannot be detected.
+        // A JSON report without scenarios does not contain the number of shards. If all reports are such, a missing
+        // report cannot be detected.
         return Ok(Vec::new());
     };
     let mut places: Vec<Option<Part<T>>> = (0..count).map(|_| None).collect();
@@ -251,8 +252,8 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
         }
         *place = Some(part);
     }
-    // A report without a shard number belongs to an empty shard. Only the last shards can be empty, so these reports
-    // get the last free numbers.
+    // A report without the number of its shard belongs to a shard without scenarios. Only the last shards can be empty,
+    // so these reports get the last free numbers.
     let mut empty = empty.into_iter();
     for place in places.iter_mut().rev().take_while(|place| place.is_none()) {
         *place = empty.next();

@@ -110,8 +110,8 @@ impl Scenario {
         let child = command.spawn().map_err(failed)?;
         let mut this = Self { child, began, started, messages, complaints: None, max_memory };
         if let Some(mut input) = this.child.stdin.take() {
-            // The pipe's buffer is larger than the longest script, so this write does not block. If the process has
-            // ended, a later step reports it.
+            // The longest script fits into the buffer of the pipe, so this write does not block. An error is ignored:
+            // it means that the process has ended, which a later step reports.
             let _ = input.write_all(&script);
         }
         let (out, err) = (this.child.stdout.take(), this.child.stderr.take());
@@ -196,7 +196,7 @@ impl Scenario {
 
 impl Drop for Scenario {
     fn drop(&mut self) {
-        // `kill` and `wait` fail if the process has ended, which is the usual case.
+        // The results are ignored: `kill` and `wait` fail if the process has ended already, which is the usual case.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -188,7 +188,7 @@ fn matches(filter: &str, file: &Path) -> bool {
 fn is_of_form(form: &str, text: &str) -> bool {
     let (form, text): (Vec<char>, Vec<char>) = (form.chars().collect(), text.chars().collect());
     let (mut at, mut in_form) = (0, 0);
-    // Position of the last `*`, and the end of the text that it matches so far.
+    // Position of the last `*` in the pattern, and the end of the part of the text that this `*` matches so far.
     let mut star: Option<(usize, usize)> = None;
     while at < text.len() {
         match form.get(in_form) {

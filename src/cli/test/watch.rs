@@ -11,7 +11,7 @@ pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 /// Modification time and length of a file; `None` if the file is missing.
 type FileStamp = Option<(SystemTime, u64)>;
 
-/// The files of each scenario at its last run.
+/// The files that each scenario used in its last run.
 #[derive(Default)]
 pub(crate) struct WatchedFiles {
     /// For each scenario, the stamps of all its files.

@@ -55,7 +55,8 @@ impl Format for Csv {
     }
 
     fn gap(&mut self, lost: u64, out: &mut String) -> bool {
-        // The CSV writer has printed the gap. The text writer must also count it, but its line is not needed.
+        // The text writer must know about the gap, too, because names in later records may depend on it. Its own line
+        // about the gap is dropped.
         self.text.gap(lost, &mut String::new());
         self.lines.gap(lost, &mut String::new());
         let fields = json!({"kind": "gap", "lost": lost});

@@ -25,7 +25,7 @@ use std::io::IsTerminal;
 /// Maximum number of events in a waveform. A waveform is kept in memory as a whole.
 const MOST_EVENTS: u64 = 20_000_000;
 
-/// With `--follow`, folded traffic is printed at the latest after this emulated time, in microseconds.
+/// With `--follow`, a folded line covers at most this emulated time, in microseconds, so that the output is not late.
 const LONGEST_FOLLOWED_US: u64 = 1_000_000;
 
 /// Prints the existing records and, with `--follow`, new ones.
@@ -129,9 +129,9 @@ fn is_paged(args: &Args) -> bool {
     is_text && !args.follow && std::io::stdout().is_terminal()
 }
 
-/// True if the lines are printed in the order of their times. A record of repetitions gets its number only when the
-/// repetitions end; ordered by number, it would follow later events. Programs get the records in the order of their
-/// numbers.
+/// True if the lines are printed in the order of their times. A record of repetitions gets its number when the
+/// repetitions end. In the order of numbers, it would therefore follow events that are later than its first ones.
+/// Programs get the records in the order of their numbers.
 fn is_ordered(args: &Args) -> bool {
     args.format == FormatArg::Text && !args.follow
 }
@@ -218,7 +218,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 self.counting = part.pending;
                 return Ok(count);
             }
-            // Without this check the loop would never end if a part brings no progress.
+            // A part that brings no progress would make this loop endless.
             if part.next() <= from {
                 return Err(WrongReply.into());
             }
@@ -316,7 +316,7 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
 mod tests {
     use super::*;
 
-    /// This number of events takes hours of emulated time. A test cannot create such a journal.
+    /// The test checks the limit alone: a journal with so large a number of events needs hours of emulated time.
     #[test]
     fn a_waveform_with_too_many_events_is_refused() {
         assert!(check_length(MOST_EVENTS).is_ok());

@@ -152,7 +152,7 @@ fn help(frame: &mut Frame, theme: Theme, area: Rect) {
 fn over(frame: &mut Frame, title: &str, lines: Vec<Line<'static>>, theme: Theme, area: Rect) {
     let longest = lines.iter().map(Line::width).chain([title.chars().count()]).max().unwrap_or(0);
     let width = (longest + 4).clamp(24, usize::from(area.width).max(24)) as u16;
-    // All lines are wrapped, so that the user can read a question to its end before confirming it.
+    // Long lines are wrapped and not cut: the user must be able to read a question to its end before confirming it.
     let inner = usize::from(width.saturating_sub(2)).max(1);
     let rows: usize = lines.iter().map(|line| line.width().div_ceil(inner).max(1)).sum();
     let height = (rows + 2).min(usize::from(area.height)) as u16;

@@ -34,7 +34,8 @@ impl Drives {
             let place = known.iter().position(same);
             let mut points = place.map(|place| known.swap_remove(place).points).unwrap_or_default();
             let at = now_us as f64 / 1e6;
-            // The clock may have stopped or gone back: the new point replaces all points at or after its own time.
+            // If the clock has stopped or gone back, there are points at the time of the new point or later. The new
+            // point replaces them.
             points.retain(|(time, ..)| *time < at);
             points.push_back((at, entry.state.speed_reference.into(), entry.state.speed_actual.into()));
             let surplus = points.len().saturating_sub(KEPT);

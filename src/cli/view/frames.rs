@@ -14,8 +14,8 @@ use std::collections::VecDeque;
 const KEPT: usize = 8_192;
 /// Number of SYNC edges that are kept for each bus.
 const EDGES: usize = 2_048;
-/// Both limits are multiplied by this factor while the user holds an interval, so that the displayed frames are not
-/// dropped.
+/// While the user holds an interval, the numbers of kept frames and edges are multiplied by this factor, so that the
+/// displayed frames are not dropped.
 const HELD: usize = 2;
 /// Length of the time windows of a bus without SYNC, in microseconds.
 const PART_US: u64 = 10_000;
@@ -207,7 +207,7 @@ impl Frames {
 
     /// Moves to the previous or next interval. The interval stays displayed, unless it is the latest one.
     pub(super) fn turn(&mut self, is_back: bool, info: &InstanceInfo, scene: &[BusScene]) {
-        // The pane has no text formatter before it receives its first records.
+        // The pane gets its text formatter with the first records. Before that, there is nothing to turn to.
         if self.text.is_none() {
             return;
         }

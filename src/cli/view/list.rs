@@ -9,7 +9,8 @@ pub(super) struct List {
     pub top: usize,
     /// Number of lines that were visible when the list was last drawn.
     pub height: usize,
-    /// True if the selection moves to the new last line when lines are added.
+    /// True if the last line is selected and stays selected: when lines are added, the selection moves to the new last
+    /// line.
     pub stays: bool,
 }
 

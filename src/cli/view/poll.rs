@@ -16,12 +16,13 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of requests for changes in one poll, and of requests for journal records.
 const PARTS: usize = 4;
-/// Number of past journal records that are read at the start. They fill one request less than a poll makes, since new
-/// records arrive in the meantime.
+/// Number of past journal records that are read at the start. They need one request less than a poll may make. The last
+/// request is for records that arrive in the meantime.
 const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
 /// Maximum number of requests in one poll that search the journal for changes of recorded registers.
 const PAST_PARTS: usize = 16;
-/// After a pause longer than this, the registers are followed again: the emulator may have dropped them.
+/// If the last poll was longer ago than this, the poller requests to follow the registers again, because the emulator
+/// may have dropped them.
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// Minimum pause between two reads of the buses: the emulator must also serve its guests for this operation.
 const BUSES: Duration = Duration::from_secs(1);

@@ -98,7 +98,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         panic::resume_unwind(panicked);
     }
     match outcome {
-        // The terminal was closed while the view drew or read.
+        // If the terminal is closed, drawing and reading fail. This is the normal end of the view and not an error.
         Err(reason)
             if reason.raw_os_error() == Some(Errno::IO.raw_os_error())
                 || is_closed(Duration::ZERO).unwrap_or(true) =>
@@ -147,8 +147,8 @@ fn show(
 ) -> io::Result<()> {
     let _screen = Screen::take()?;
     let mut area = Rect::default();
-    // The terminal is never dropped with a hidden cursor. Its destructor would print an error if the terminal is closed,
-    // and printing would panic. `Screen` shows the cursor again.
+    // The destructor of the terminal shows a hidden cursor. If the terminal is closed, this fails, and the destructor
+    // panics because it cannot print the error. So the destructor never runs, and `Screen` shows the cursor.
     let mut terminal = ManuallyDrop::new(terminal_of(area)?);
     let (mut query, mut is_new) = (None, true);
     while !model.quits && !ended.load(Ordering::Relaxed) {

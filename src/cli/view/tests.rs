@@ -79,8 +79,8 @@ impl User {
 
     /// Draws, polls, and draws the result, until all tasks are done.
     fn look(&mut self) {
-        // The loop draws several times: the available space decides which data the view reads, and the new data can
-        // change the space.
+        // The view reads only data for which the screen has space, and new data can change the space. So drawing and
+        // polling are repeated until the screen is complete.
         for _ in 0..3 {
             self.draw();
             self.queue.take(super::link::LinkCommand::Show(self.model.query()));

@@ -71,7 +71,7 @@ impl WebProcess {
 impl Drop for WebProcess {
     fn drop(&mut self) {
         self.is_ending.store(true, Ordering::Relaxed);
-        // The result is ignored: the server also ends without the signal when the emulator ends.
+        // The result is ignored: if the signal cannot be sent, the server ends by itself when the emulator ends.
         let _ = demo::terminate(&mut locked(&self.child), PATIENCE);
     }
 }
@@ -81,8 +81,8 @@ fn locked(child: &Mutex<Child>) -> MutexGuard<'_, Child> {
 }
 
 /// Reports that the server has ended while the emulator continues. A server that sees the end of its emulator exits
-/// with code 0, which is not reported. The child is locked only briefly, because the function that ends the server
-/// needs it, too.
+/// with code 0, which is not reported. This thread locks the child only for short times, because the function that ends
+/// the server needs the child, too.
 fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
     while !is_ending.load(Ordering::Relaxed) {
         match locked(child).try_wait() {

@@ -15,8 +15,8 @@ pub(super) const WISHED_FILES: u64 = MAX_OPEN as u64 + 16 * OTHER_FILES;
 /// Minimum number of connections, even if the limit of descriptors is lower.
 const LEAST_OPEN: usize = 8;
 
-/// Maximum number of connections with the process's limit of open files. The remaining descriptors are for connections
-/// to emulators.
+/// Returns the maximum number of connections that the limit of open files of this process allows. The remaining
+/// descriptors are for connections to emulators.
 pub(super) fn max_open() -> usize {
     let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current.unwrap_or(u64::MAX);
     let room = usize::try_from(limit.saturating_sub(OTHER_FILES)).unwrap_or(MAX_OPEN);

@@ -40,12 +40,12 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
     }
 
-    /// The server does not have the requested object.
+    /// Creates a problem because the server does not have the requested object.
     pub(super) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, "not-found", detail)
     }
 
-    /// Returns the request would exceed a limit of the server.
+    /// Creates a problem because the request would exceed a limit of the server.
     pub(super) fn too_many(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "too-many", detail)
             .with("exit_code", Exit::NotThere.code())

@@ -88,7 +88,8 @@ impl TokenFile {
             }
             other => other.into(),
         })?;
-        // Two servers can have one port at different addresses, and their files would then have one name.
+        // The name of the file contains the port. Two servers can use the same port at different addresses, so the
+        // second server needs another name.
         let mut names =
             std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name}-{number}")));
         loop {

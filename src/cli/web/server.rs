@@ -81,8 +81,8 @@ async fn accept(listener: &TcpListener, router: &Router) {
     }
 }
 
-/// Sends a refusal on a connection for which there is no room. The answer follows the request: the system discards an
-/// answer if the connection is closed with unread data.
+/// Sends a refusal on a connection for which there is no room. The request must be read before the answer is sent: if a
+/// connection with unread data is closed, the system discards the answer.
 async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
     let problem = Problem::too_many("all connections of this server are in use by clients with a token");
     let body = problem.text();

@@ -49,7 +49,7 @@ pub(super) fn at_the_end(act: impl Fn() + 'static) {
 
 /// Executes `work`. If it panics, this thread executes its last action and stops.
 pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> T {
-    /// Ends the guarded part when it is dropped, also if `work` unwinds in a process without the hook.
+    /// Ends the guarded part when it is dropped. This also happens if `work` unwinds, in a process without the hook.
     struct End(bool);
     impl Drop for End {
         fn drop(&mut self) {

@@ -1,7 +1,7 @@
 //! Snapshot files that browsers and programs send in parts.
 //!
-//! For the emulator, the server is one client, and the emulator takes one file from each client. The server therefore
-//! stores the file of each session, and sends it as a whole when the session restores it.
+//! The server is one client of the emulator, and the emulator accepts one file from each client at a time. The server
+//! therefore stores the file of each session, and sends it as a whole when the session restores it.
 
 use crate::plant::SnapshotFile;
 use std::collections::VecDeque;

@@ -49,7 +49,7 @@ pub(in super::super) struct Compare {
 /// A frame or telegram and its time in microseconds.
 type TimedFrame = (u64, Message);
 
-/// Maximum number of missing or extra frames that the comparison skips to find a match.
+/// After a difference, the comparison searches this number of frames ahead for the next match.
 const WINDOW: usize = 64;
 
 /// Returns the differences between the log and the journal, one per line.
@@ -87,8 +87,9 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
                 (wanted, found) = (rest, others);
             }
             ([first, rest @ ..], [other, others @ ..]) => {
-                // Searches the other side for each of the two different frames. The frame with the nearer match was only
-                // delayed; the other frame is missing or extra.
+                // The log and the journal differ here in one frame each. For both frames, this searches the same frame
+                // ahead on the opposite side. The frame whose match is nearer has only moved; the other frame is
+                // missing or extra.
                 let (again, before) = (ahead(first, others), ahead(other, rest));
                 if before.is_some_and(|before| again.is_none_or(|again| before < again)) || again.is_none() {
                     lines.push(show("missing", first));

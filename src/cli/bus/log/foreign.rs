@@ -21,8 +21,8 @@ const FORMATS: &[Format] = &[
 /// Number of lines at the beginning of a file in which [`conversion`] searches.
 const HEAD_LINES: usize = 3;
 
-/// Returns the name of the file's format and the commands that convert it, if the format belongs to another logger. The
-/// content of the file decides; a file without a known content is recognized by its extension.
+/// Returns the name of the file's format and the commands that convert it, if the format belongs to another logger. A
+/// format is recognized by the content of the file. If the content is not known, the extension decides.
 pub(super) fn conversion(path: &Path, bytes: &[u8]) -> Option<String> {
     let head: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').take(HEAD_LINES).collect();
     let begins = |format: &&Format| {
@@ -33,7 +33,7 @@ pub(super) fn conversion(path: &Path, bytes: &[u8]) -> Option<String> {
     let is_named =
         |format: &&Format| format.extension == extension.to_ascii_lowercase() && extension != "csv";
     let format = FORMATS.iter().find(begins).or_else(|| FORMATS.iter().find(is_named))?;
-    // A name that a shell would change is replaced by an example.
+    // The commands contain the name of the file. If a shell would change this name, they contain an example instead.
     let is_plain = |name: &&str| {
         !name.starts_with('-')
             && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"/._-+".contains(&byte))

@@ -53,7 +53,8 @@ const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
 const ROOM_US: u64 = 100;
 /// Bits of the frames for which the clock advances while a frame waits for room: 16 of the shortest frames of CAN (no
 /// data, 44 bits and 3 bits of intermission). The queue holds four times as many frames, so the bus never runs out of
-/// frames, and the emulator takes a snapshot of its history for 16 frames and not for each one.
+/// frames. The emulator takes a snapshot for its history at each request, so a request for 16 frames costs less than 16
+/// requests.
 const ROOM_BITS: u64 = 16 * 47;
 /// Longest emulated time, in microseconds, between two counts of the frames that have ended. The count uses the
 /// journal, which keeps only the last 65,536 frames of all buses.
@@ -107,12 +108,13 @@ fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
         Message::Frame(_) => 0,
         Message::Telegram(octets) => telegram_us(octets, buses.bit_s(it.bus)),
     };
-    // Shifts all times by the longest telegram: the times of a log may begin at 0, and no telegram can start before 0.
+    // The first telegram of a log may end at time 0, but cannot start before 0. So all times are first shifted by the
+    // duration of the longest telegram.
     let longest = log.iter().map(duration).max().unwrap_or(0);
     for it in log.iter_mut() {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
     }
-    // Messages of one bus stay in their order. Those of several buses are sent in the order of their times.
+    // Messages of one bus keep their order. Messages of different buses are then sorted by their times.
     put_in_order(log);
     log.sort_by_key(|it| it.time_us);
 }
@@ -177,7 +179,7 @@ struct Player<'a> {
     next: u64,
     /// Time of the last count of ended frames, in microseconds.
     counted_us: u64,
-    /// Sum of `accepted` and `left` at the last progress, and the duration of the wait since then.
+    /// Sum of `accepted` and `left` at the last progress. `waited` is the duration of the wait since then.
     moved: usize,
     waited: Duration,
 }
@@ -384,7 +386,8 @@ impl<'a> Player<'a> {
         self.count_left()
     }
 
-    /// Counts the frames that have ended on their buses: the frames of the sender, guest 0, in the journal.
+    /// Counts the frames that have ended on their buses. In the journal, these are the frames of guest 0, which is the
+    /// sender of played frames.
     fn count_left(&mut self) -> Result<(), CliError> {
         if self.left < self.accepted {
             let part = read_journal(self.next, |op| self.session.ask(op))?;

@@ -36,8 +36,8 @@ struct Restart {
     after_us: u64,
 }
 
-/// Adds to the times after each restart of the logger's clock, so that the times continue. Prints a note for each
-/// restart; `unit` is the unit of the positions.
+/// After each restart of the logger's clock, increases the following times so that they continue. Prints a note for
+/// each restart; `unit` is the unit of the positions.
 pub(super) fn continue_times(log: &mut [Entry], unit: &str) {
     let restarts = find_and_continue(log);
     for Restart { at, before_us, after_us } in restarts.iter().take(SHOWN_RESTARTS) {
@@ -57,12 +57,12 @@ pub(super) fn continue_times(log: &mut [Entry], unit: &str) {
 fn find_and_continue(log: &mut [Entry]) -> Vec<Restart> {
     let next_us = next_times(log);
     let mut restarts = Vec::new();
-    // The latest time of each interface, and of the log, since the last restart.
+    // The latest time since the last restart, for each interface; `latest` is that of all interfaces.
     let mut latest_of: BTreeMap<String, u64> = BTreeMap::new();
     let mut latest_us = 0;
-    // The latest time of all interfaces after the continuation.
+    // The latest of the increased times.
     let mut latest_continued_us = 0;
-    // The time of the first message since the last restart, in the log and after the continuation.
+    // The time of the first message since the last restart: as it is in the log, and as it is increased.
     let (mut begin_us, mut begin_continued_us) = (0, 0);
     for (entry, next_us) in log.iter_mut().zip(next_us) {
         let latest_of_interface = latest_of.get(&entry.interface).copied().unwrap_or(0);
@@ -156,7 +156,8 @@ mod tests {
         assert_eq!(restarts.len(), 1);
     }
 
-    /// A logger that writes one interface after the other, a disorder of 20 ms, and a single frame with a wrong time.
+    /// Earlier times that are no restart: a logger writes one interface after the other, frames are out of order by 20
+    /// ms, or a single frame has a wrong time.
     #[test]
     fn a_disorder_is_no_restart() {
         for times in [
@@ -185,7 +186,7 @@ mod tests {
     proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// Times of any size, with falls at any place, keep their intervals between two restarts.
+        /// The times may have any size and may fall at any place. Between two restarts, the intervals do not change.
         #[test]
         fn intervals_between_restarts_are_kept(times in prop::collection::vec(0_u64..1 << 40, 0..40)) {
             let with_interface: Vec<_> = times.iter().map(|time_us| ("a", *time_us)).collect();

@@ -103,7 +103,8 @@ impl Select {
     /// True if a telegram is selected, by its sender only.
     pub(super) fn takes_sender(&self, sender: Option<u8>) -> bool {
         let is_in = |list: &[u8]| sender.is_some_and(|sender| list.contains(&sender));
-        // A telegram has no identifier, so only exclusions of identifiers can match it.
+        // A telegram has no identifier. So a filter that requires an identifier excludes it, and a filter that excludes
+        // identifiers accepts it.
         self.id.iter().all(|filter| filter.is_inverted)
             && (self.station.is_empty() || is_in(&self.station))
             && !is_in(&self.without_station)
@@ -114,12 +115,12 @@ impl Select {
         let field = frame.arbitration();
         let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);
         let is_one_of = |is_inverted| filters(is_inverted).any(|filter| filter.matches(field.id()));
-        // A frame does not come from a PROFIBUS station, so a selected station excludes it.
+        // A frame of CAN has no PROFIBUS station as its sender. So if stations are selected, it is excluded.
         self.station.is_empty()
             && (filters(false).next().is_none() || is_one_of(false))
             && !is_one_of(true)
-            // A remote frame does not come from the node: the guarding request of a master has the same identifier as
-            // the answer of the node.
+            // The guarding request of a master is a remote frame with the identifier of the node's answer. So a remote
+            // frame does not count as a frame of the node.
             && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
     }
 }

@@ -1,4 +1,4 @@
-// Sorts the rows of the first table by a column, and hides the rows and sections that the filter does not take.
+// Sorts the rows of the first table by a column, and hides the rows and sections that do not match the filter.
 const table = document.querySelector("table.sortable");
 const rows = () => Array.from(table.tBodies[0].rows);
 const key = (row, column) => {

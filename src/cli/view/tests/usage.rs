@@ -273,7 +273,7 @@ fn a_stepped_plant_goes_back_and_reports_its_limit() {
     user.sees("are too far");
     user.type_in("Bnode2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL==1\n");
     user.sees("back to node2.w_OPTION_STATUS==16#0002 and");
-    // The condition was true at all times, so the plant goes back as far as possible.
+    // The condition has been true since the begin of the history, so the plant goes back to this begin.
     assert_eq!(user.host.plant.now(), 5_000);
 }
 
@@ -331,8 +331,8 @@ fn with_a_running_clock_the_last_complete_interval_is_shown_with_pending_records
     let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
     user.activate();
     user.type_in("4");
-    // These times are in the middle of an interval. They are long enough that the journal still adds events to each
-    // record of repeated events.
+    // These times end in the middle of an interval. At their ends, the journal still counts further events in the
+    // records of repeated events.
     for passes in [10_300, 30_700, 1_100, 1_900] {
         user.host.run_to(user.host.plant.now() + passes);
         user.look();
@@ -390,7 +390,8 @@ fn changes_of(user: &User, name: &str) -> Vec<String> {
     user.screen().lines().filter(|line| line.contains(name)).map(str::to_owned).collect()
 }
 
-/// The view shows changes from before it was opened as far as the journal contains them, and each change once.
+/// The view also shows changes from the time before it was opened, as far as the journal contains them. It shows each
+/// change once.
 #[test]
 fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     let mut before = User::built_in();

@@ -48,7 +48,7 @@ export async function actTogether(operations, words, done, explain) {
   } catch (problem) {
     const waited = problem instanceof Problem && problem.document.waited;
     if (waited) {
-      // The failed wait is recorded, too: as a step of the scenario it fails as it did here.
+      // A wait that has failed is recorded, too. When the scenario runs, this step fails in the same way.
       addToRecord({ operations, words: `${words}: not true in time`, replies: operations.map(() => ({ waited })), beforeUs: before });
       feed.noticeTime(waited.time_us);
     }
