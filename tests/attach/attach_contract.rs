@@ -13,7 +13,8 @@ use std::{
 
 const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
 
-/// Compiles the document's C code, without a warning: `0` with the exported header, `1` without it.
+/// Compiles a C program of the document, which must not cause a warning. Program 0 uses the exported header, program 1
+/// does not.
 fn printed(directory: &Path, number: usize) -> PathBuf {
     let contract = include_str!("../../docs/reference/attach.md");
     let code = contract.split("```c\n").nth(number + 1).and_then(|rest| rest.split("```").next()).unwrap();
@@ -57,8 +58,8 @@ fn refusal(output: &Output) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).trim().to_owned())
 }
 
-/// Runs a client against a firmware that answers 16#05 with 16#04. Returns the output and the values that the client
-/// sent.
+/// Runs a client on an image with a simulated firmware, which answers 16#05 with 16#04. Returns the output and the
+/// values that the client sent.
 fn meets(image: &Image, client: impl FnOnce() -> Output + Send) -> (Output, u32) {
     image.set_ready();
     thread::scope(|scope| {

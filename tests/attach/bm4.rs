@@ -19,8 +19,8 @@ use std::time::Duration;
 const LONG: Duration = Duration::from_secs(60);
 /// "SYNC signal 1 option module" (p. 25).
 const SYNC: usize = 11;
-/// `<PLC>:<instance>:<us>:<us>`: run times in microseconds after which the first and the second frames are released.
-/// 0 and 0 mean real time without delay.
+/// Environment variable of a PLC process: `<PLC>:<instance>:<us>:<us>`. The numbers are the run times in microseconds
+/// after which the program releases its first and its second frame. 0 and 0 mean real time without delay.
 const ROLE: &str = "COMMRAM_TEST_BM4";
 /// Text that a program prints when its task takes part.
 const READY: &str = "ready";
@@ -124,7 +124,8 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                // The input must stay TRUE once the mode is being set up, or the slave would leave active operation.
+                // From the set-up of the mode on, the input must stay TRUE. Otherwise the slave would leave active
+                // operation.
                 mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }
@@ -141,7 +142,8 @@ impl<'a> Modules<'a> {
         let us = |us: u32| NonZeroU32::new(us).unwrap();
         loop {
             task.next_event(LONG)?;
-            // Withdraws a release that was too late for the last interval, so that it does not count in this interval.
+            // A release that was too late for the last interval would be valid in this one, so the program withdraws
+            // it.
             self.master.b_CTRLREG_WRC1.store(0);
             if let Some((regs, _)) = &self.slave {
                 regs.b_CTRLREG_RD_RDC1.store(0);
@@ -324,11 +326,12 @@ fn start(args: &[&str]) -> (Emulator, tempfile::TempDir) {
     (Emulator::start(&[&[plant.to_str().unwrap()], args].concat()), directory)
 }
 
-/// Manual p. 54, 86-87: 200 us after the start of the event task for reference values and a slave's first actual
-/// values, 450 us for its second ones, to the microsecond.
+/// Manual p. 54, 86-87: reference values and a slave's first actual values must be released within 200 us after the
+/// start of the event task, a slave's second actual values within 450 us. The test checks these limits to the
+/// microsecond.
 #[test]
 fn programs_in_lockstep_meet_or_miss_the_deadlines_of_this_device() {
-    // Port 1 is slot G, port 2 slot H. A frame that was never in time is no finding.
+    // Port 1 is slot G, port 2 slot H. A frame that has never been in time causes no finding.
     let late = [("maxx:1", "WRC1", 10), ("maxx:2", "RDC1", 10), ("maxx:2", "RDC2", 10)];
     for (us, is_late) in [([199, 449], false), ([200, 450], true)] {
         let (emulator, _plant) = start(&["--clock", "stepped"]);

@@ -123,8 +123,8 @@ fn stepped_events_reach_processes_in_three_ways_without_loss() {
     let slot = &image.header().unwrap().events[SYNC];
     let first = slot.bell.rings();
     for step in 1..=10 {
-        // Odd steps raise one event, even steps 49, to check whether events that are raised together are merged or
-        // lost.
+        // Odd steps raise one event, even steps raise 49. So the test covers events that are raised together and may be
+        // merged.
         emulator.step(&[if step % 2 == 1 { "2ms" } else { "98ms" }]);
         let (count, time) = (u64::from(slot.bell.rings()), slot.time_us.load());
         assert_eq!(count - u64::from(first), (step / 2) * 50 + step % 2);

@@ -6,7 +6,8 @@ use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options};
 use std::time::Duration;
 
-/// The firmware would see a program's request before the other emulators receive it.
+/// Only an emulator that was started as a federate can join. The firmware of any other emulator would see a program's
+/// request before the other emulators receive it.
 #[test]
 fn an_emulator_with_a_private_plant_joins_no_federation() {
     let join = |is_federate| {

@@ -1,5 +1,5 @@
-//! Tasks in lockstep, for which the emulated time waits. Their claimed run time decides which deadlines they miss,
-//! and none of them can hang the emulator.
+//! Tasks in lockstep, for which the emulated time waits. The run time that a task states decides which deadlines it
+//! misses. No task can block the emulator.
 
 use crate::active;
 use crate::common::{Emulator, promised};
@@ -41,8 +41,8 @@ fn active() -> Emulator {
     emulator
 }
 
-/// Joins with event `event`, runs `task` in parallel to `steps`, and ends when the steps are over. An unfinished run
-/// is completed first.
+/// Joins lockstep with event `event`, and runs `task` in parallel to `steps`. When the steps are over, completes an
+/// unfinished run of the task and ends.
 fn beside<R: Send>(
     emulator: &Emulator,
     event: usize,
@@ -101,12 +101,14 @@ fn missed(emulator: &Emulator) -> usize {
     trace.ok().lines().map(count).sum()
 }
 
-/// Manual p. 153: 490 us after the start of the event task, to the microsecond (D-09).
+/// Manual p. 153: a program must release its frames within 490 us after the start of the event task (D-09). The test
+/// checks this limit to the microsecond.
 #[test]
 fn the_claimed_run_time_decides_whether_the_deadline_is_met() {
-    // The current interval has no release, so it is missed in any case. A late release is in time for the next
-    // interval, so at 700 us one more is missed. At 490 us every second one is missed: 16#05 is written while the
-    // frame of the previous release is being built, and its 16#04 overwrites it.
+    // The first interval has no release, so its frame is missed in any case. With 700 us, each release is late for its
+    // interval, but in time for the next one, so only one more frame is missed. With 490 us, every second frame is
+    // missed: the program writes 16#05 while the firmware builds the frame of the previous release, and the 16#04 for
+    // that frame overwrites the 16#05.
     for (us, misses) in [(80, 1), (489, 1), (490, 1 + 5), (700, 1 + 1)] {
         let emulator = active();
         if us == 490 {

@@ -15,7 +15,7 @@ const LONGEST_US: u64 = 30_000;
 const SHORT: Duration = Duration::from_millis(5);
 /// Number of retain flags (words) that are stored together with the address.
 const FLAGS: u32 = 64;
-/// The two ways to select a user-defined address; with DIP number 0 they are equivalent.
+/// The two values that select a user-defined address. With DIP number 0 both have the same effect.
 const CHOICES: [u32; 2] = [0x1234_5678, 0x1234_5600];
 
 fn attach(emulator: &Emulator) -> Attached {
@@ -67,7 +67,7 @@ fn restored(image: &Attached) -> u16 {
     if (address, mask, choice) != ([0; 4], [0; 4], 0) {
         assert_eq!((address, mask, choice), content(n), "a mixture");
     }
-    // The PLC may have written the flags of the next number already when the file was written.
+    // When the file was written, the PLC may already have written flags of the next number.
     for at in 0..FLAGS {
         let flag = image.segment().load(flag(at), Width::Word).unwrap();
         assert!(flag == u32::from(n) || flag == u32::from(n) + 1, "flag {at} is {flag}, address {n}");

@@ -1,6 +1,6 @@
 //! The blocks for CANsync on the b maXX PLC with BM4-O-CAN-06 and BM4-O-CAN-05 (manual 5.02066.01a chapter 4).
 
-/// Parts that differ on this device.
+/// The differences of this device, for the common tests.
 mod device {
     pub(crate) use commram::devices::bm4_o_can_06::blocks::*;
     pub(crate) use commram::devices::bm4_o_can_06::registers::{

@@ -1,5 +1,5 @@
-//! Configuration examples A to D of the manual (5.00005.03a p. 62-73): the example programs of `tools/examples` in
-//! step with a plant of this process, so that each event and each trigger can be counted.
+//! Configuration examples A to D of the manual (5.00005.03a p. 62-73): The example programs of `tools/examples` run in
+//! step with a plant in this process, so that the test can count each event and each trigger.
 #![allow(dead_code, reason = "each example has its own `main`")]
 #![allow(clippy::duplicate_mod, reason = "each example has its own module `common`")]
 
@@ -183,7 +183,7 @@ fn b_board_timer_a_drives_task_and_triggers() {
     }
 }
 
-/// Manual p. 67-70: SYNC is event and trigger; the bus comes first in the task, and none of its deadlines is missed.
+/// Manual p. 67-70: SYNC is event and trigger. The task serves the bus first, so it misses no deadline of the bus.
 #[test]
 fn c_sync_of_cansync_drives_task_and_triggers() {
     for memory in BOTH {

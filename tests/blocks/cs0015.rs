@@ -39,7 +39,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Makes a bench after the first cycles of both devices, with `CAN_OPEN` set.
+    /// Returns a bench on which both devices have run their first cycles, with `CAN_OPEN` set.
     fn new() -> Result<Self, Box<dyn Error>> {
         let config = PlantConfig::parse("two.toml", PLANT)?;
         let mut plant = Plant::new(&config, |_, device| Ok::<_, Box<dyn Error>>(Segment::of(device)))?;
@@ -51,7 +51,7 @@ impl Bench {
         Ok(bench)
     }
 
-    /// Makes a bench with the slave as a guarded node.
+    /// Returns a bench on which the master guards the slave as a node.
     fn master() -> Result<Self, Box<dyn Error>> {
         let mut bench = Bench::new()?;
         once(&mut bench, 0, NMM_SET_NMT_MASTER::default());
@@ -272,7 +272,7 @@ fn a_slave_says_how_it_communicates() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Answers that the program does not fetch block nothing, and an order in progress can be withdrawn.
+/// An answer that the program does not fetch does not block later orders. A program can withdraw an order in progress.
 #[test]
 fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
     let mut bench = Bench::master()?;

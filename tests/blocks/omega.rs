@@ -1,6 +1,6 @@
 //! The blocks for CANsync on the Omega Drive-Line II (manual 5.00005.03a chapter 7.3).
 
-/// Parts that differ on this device.
+/// The differences of this device, for the common tests.
 pub(crate) mod device {
     pub(crate) use commram::devices::omega_drive_line_2::blocks::*;
     pub(crate) use commram::devices::omega_drive_line_2::registers::{

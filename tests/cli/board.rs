@@ -112,7 +112,8 @@ fn the_ip_address_follows_the_dip_switch_at_the_reset() {
     assert_eq!(last(), "16#01");
     emulator.run("board", &["reset"]).ok();
     assert_eq!(last(), "16#1F", "192.168.1.31");
-    // The board puts an address that is not allowed back, also if d_IP_CONFIG already had its value before.
+    // The board replaces an address that is not allowed by the previous one, even if the write of d_IP_CONFIG does not
+    // change its value.
     emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=7", "ethernet_config.d_IP_CONFIG=16#12345678"]);
     assert_eq!(last(), "16#07");
     emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=255", "ethernet_config.d_IP_CONFIG=16#12345678"]);

@@ -74,7 +74,7 @@ fn a_waiting_client_learns_why_the_emulator_ends() {
     });
 }
 
-/// Does the same as the previous test, with an emulator that ends with its parent process or with a command.
+/// Tests the same with an emulator that ends because its parent process or the command of `with` has ended.
 #[test]
 fn a_waiting_client_learns_that_the_parent_has_ended() {
     const BEGIN: &str = "$COMMRAM step 24h -i $NAME 2>&1 & step=$!
@@ -112,7 +112,8 @@ fn the_operation_of_a_killed_client_ends() {
     assert_eq!(time(&emulator), ended + 1);
 }
 
-/// The other clients get an answer only after the emulator has noticed that the first client is dead.
+/// The first client is killed during its operation. The other clients get an answer only after the emulator has noticed
+/// this.
 #[test]
 fn clients_queued_after_a_killed_client_are_served() {
     let emulator = Emulator::stepped();

@@ -63,7 +63,8 @@ fn ask(emulator: &Emulator, dsap: u8, octets: &[u8]) {
     emulator.run("wait", &["gw:mst.mst_control==16#04"]).ok();
 }
 
-/// Parameters with an octet that the gateway refuses, the diagnosis, right parameters, a configuration.
+/// Commissions the gateway: parameters with an octet that the gateway refuses, a request for the diagnosis, correct
+/// parameters, and a configuration.
 fn commission(emulator: &Emulator) {
     let mut parameters = [0x80, 0, 0, 11, 0x04, 0xA4, 0, 0, 99, 0x06, 1, 0, 0, 0, 0, 0];
     ask(emulator, 60, &[]);
@@ -99,12 +100,12 @@ fn a_trace_shows_whole_telegrams_and_plays_again() {
         let log = file.to_str().unwrap();
         for (clock, tolerance) in [("stepped", "10us"), ("realtime", "60s")] {
             let other = Emulator::start(&[PLANT, "--clock", clock]);
-            // Before the first telegram the line must have been idle.
+            // The DP master sends its first telegram only after the line has been idle for a time.
             if clock == "stepped" {
                 other.step(&["1ms"]);
             }
-            // The emulated gateway answers in the second emulator. It determines the bit rate from the first request,
-            // so the master has sent seven requests.
+            // In the second emulator, its own gateway answers, so only the requests of the master are played. The
+            // gateway detects the bit rate by the first request.
             let played = other.run("bus", &["play", log, "--interface", "dp", "--without-station", "5"]);
             assert_eq!(played.code, Some(0), "{}", played.err);
             assert!(played.out.starts_with("7 frames in "), "{}", played.out);

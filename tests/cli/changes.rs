@@ -138,7 +138,8 @@ fn watching_shows_changes_with_their_time_and_ends_with_the_emulator() {
     assert!(watcher.line().contains("node1.b_AC"));
     emulator.run("stop", &[]);
     let (code, rest, err) = watcher.end();
-    // If a request is on its way when the emulator ends, the client gets the reason. A later request finds no emulator.
+    // The client may have a request in progress when the emulator ends, and then gets the reason. Otherwise its next
+    // request finds no emulator.
     let ended = format!("commram: note: instance '{}' ", emulator.name);
     assert_eq!((code, rest.as_slice()), (Some(0), &[][..]));
     assert!(err.starts_with(&ended) && err.lines().count() == 1, "{err}");

@@ -101,7 +101,7 @@ fn bash_completes() {
     }
 }
 
-/// A name of a file is one word for the shell, with any characters in it.
+/// A completed file name must be one word for the shell, even if it contains special characters.
 #[test]
 fn bash_runs_nothing_of_a_completed_name() {
     let directory = tempfile::tempdir().unwrap();

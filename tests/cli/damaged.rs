@@ -81,7 +81,8 @@ fn a_part_that_iceoryx2_waits_for_without_a_limit_blocks_no_process() {
     }
 }
 
-/// No client is connected. With a client, iceoryx2 may access the missing part first, and may crash.
+/// In this test no client is connected, so the emulator itself notices the damage. With a client, iceoryx2 may access
+/// the missing part first and crash.
 #[test]
 fn an_emulator_continues_without_a_channel_that_was_shortened() {
     use commram::memory::{AttachMode, Image, Width};
@@ -144,7 +145,7 @@ fn a_client_reports_that_its_memory_is_shortened() {
     let emulator = Emulator::stepped();
     let before = objects(&emulator, ".data");
     let mut client = Follower::start(&emulator, "watch", &["node2.w_OPTION_STATUS"]);
-    // The client has connected and sent its first request by then.
+    // When this note arrives, the client has connected and has sent its first request.
     assert!(client.note().contains("watching"));
     let mut own = objects(&emulator, ".data");
     own.retain(|path| !before.contains(path));

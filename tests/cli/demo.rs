@@ -244,7 +244,7 @@ fn the_access_checker_finds_nothing() {
     checker_finds_nothing(&Emulator::start(&[plant]), "maxx");
 }
 
-/// In stepped mode no client advances the clock, so the firmware does not answer.
+/// The emulator is in stepped mode and no client advances the clock. So the firmware does not answer the demonstration.
 #[test]
 fn a_handshake_that_is_not_answered_ends_with_a_message() {
     let emulator = Emulator::stepped();

@@ -118,7 +118,8 @@ fn guests_hear_each_other_but_not_themselves() {
         assert_eq!(one.ask(line), yes);
         assert_eq!(other.hear(), format!("{line}\r"));
     }
-    // If the door sent back the frame, its echo would arrive first.
+    // A door does not send a frame back to its sender. If it did, this echo would arrive before the frame of the other
+    // guest.
     assert_eq!(other.ask("t5551FF"), "z\r");
     assert_eq!(one.hear(), "t5551FF\r");
     let log = emulator.run("trace", &["--format", "candump"]);
@@ -205,7 +206,7 @@ fn with_the_stepped_clock_frames_enter_at_the_next_step() {
     emulator.step(&["10ms"]);
     assert_eq!(other.hear(), "t1230\r");
     let log = emulator.run("trace", &["--format", "candump"]);
-    // The frame ends after 44 bits and a stuff bit at 125 kbit/s, counted from the beginning of the step.
+    // The frame begins with the step, and has 44 bits and a stuff bit at 125 kbit/s.
     assert_eq!(log.ok(), "(0000000000.001360) open 123#\n");
 }
 
@@ -564,7 +565,7 @@ fn a_log_with_more_frames_than_the_bus_can_carry_is_played_completely() {
     assert!((0..300).all(|number| guest.hear() == format!("t{number:03X}81122334455667788\r")));
 }
 
-/// The journal keeps the last 65,536 frames, fewer than the log has. The long gap is for frames that wait at its begin.
+/// The log has more frames than the 65,536 that the journal keeps. It has a long gap, at whose begin frames still wait.
 #[test]
 fn a_log_with_more_frames_than_the_journal_keeps_is_played_completely() {
     let mut frames = "(1.000000) can0 123#\n".repeat(70_000);
@@ -660,7 +661,8 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
     }
 }
 
-/// Two recordings by SavvyCAN begin like this: the time falls to the start of the logger's clock after some fifty frames.
+/// The begin of two recordings by SavvyCAN: after some fifty frames, the time falls back to the start of the logger's
+/// clock.
 const RESTARTED: &str = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n\
     97637502,0000010C,false,Rx,0,2,04,00\n97655775,0000010D,false,Rx,1,1,01\n\
     62087,0000010E,false,Rx,0,1,02\n62387,0000010F,false,Rx,1,1,03\n\
@@ -822,7 +824,8 @@ fn departed_or_silent_guests_take_no_place() {
     assert_eq!(hearer.hear(), "t1230\r");
 }
 
-/// The bus would need minutes for the frames of disconnected guests.
+/// Guests send many frames and disconnect. The bus would need minutes for these frames, so they must not block the
+/// places of new guests.
 #[test]
 fn departed_guests_take_no_place_while_the_bus_is_slow() {
     let emulator = start(OPEN, &[]);

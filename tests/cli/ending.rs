@@ -56,7 +56,8 @@ fn many_stops_at_once_are_one_orderly_end() {
     }
 }
 
-/// The lock of the instance's name is lost with the directory; the images are still held.
+/// The directory of the instance is removed, and the lock of its name with it. The emulator still holds the locks of
+/// the images.
 #[test]
 fn a_start_beside_an_emulator_without_its_directory_names_the_instance() {
     let emulator = Emulator::stepped();
@@ -105,7 +106,8 @@ fn signals_without_end_are_one_orderly_end() {
     assert_eq!(emulator.files(), NOTHING);
 }
 
-/// The end takes some milliseconds, so the test suspends the emulator in it, and repeats a trial that was too late.
+/// An emulator needs only some milliseconds to end. So the test suspends the emulator during this time, and repeats a
+/// trial in which the suspension came too late.
 #[test]
 fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
     for is_pressed_again in [false, true] {
@@ -318,7 +320,7 @@ fn stop_and_clean_reach_the_emulator_despite_damaged_instance_files() {
             for damage in DAMAGES {
                 case += 1;
                 // The test combines each subset of the files with each state of the process, and each combination with
-                // one of the damages. The lock alone is combined with every damage.
+                // one of the damages. The lock file is combined with every damage.
                 if all || case % 15 == (subset % 5) * 3 {
                     reach(subset, damage, state);
                 }

@@ -134,7 +134,8 @@ fn continuous_commands_exit_with_130_on_ctrl_c() {
             command.args(["-i", &own]);
         }
         let mut child = command.spawn().unwrap();
-        // The first output shows that the signal handler is installed; `watch` prints this on stderr.
+        // After its first output, a command has installed its signal handler. `watch` prints its first output on
+        // stderr.
         let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
         let (mut out, mut err) = (BufReader::new(out), BufReader::new(err));
         let mut line = String::new();

@@ -285,7 +285,7 @@ fn federates_on_two_hosts_find_each_other() {
     );
 }
 
-/// A task in lockstep and a program that writes to an image, on two hosts. The other host leads.
+/// A task in lockstep and a program that writes to an image run on a host that does not lead. The second host leads.
 #[test]
 fn programs_on_several_hosts_have_one_plant() {
     let Some(helics) = helics() else { return };
@@ -396,7 +396,7 @@ fn a_dead_federate_is_noticed_and_an_orderly_end_ends_all() {
     let output = step.wait_with_output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(3) && message.contains(&reason), "{message}");
-    // An idle federate notices the absence of the broker. Without the broker it could not connect either.
+    // A federate notices that the broker has ended even while it is idle.
     drop(broker);
     assert_eq!(leads.wait().code(), Some(3));
     let complaints = leads.complaints();

@@ -59,7 +59,7 @@ fn a_folder_is_a_device_in_every_command() {
     assert!(dump.ok().contains("data.w_OUT") && dump.out.contains("%MW3.16"), "{}", dump.out);
     assert!(emulator.run("status", &[]).ok().contains("digital-io"));
 
-    // Only the folder has these names, and no device of the program has them.
+    // These names exist only in the folder, not in a device that is built into the program.
     for block in ["data", "io:data", "data.*", "%MW3.16"] {
         assert!(emulator.run("dump", &[block]).ok().contains("data.w_OUT"), "{block}");
     }
@@ -331,7 +331,8 @@ fn wrong_handshakes_are_refused_with_their_line() {
     }
 }
 
-/// A file that nothing reads, or a function that nothing calls, because its name is wrong.
+/// The name of a file or of a function in the folder is wrong, so the file would not be read, or the function not
+/// called. The error names it.
 #[test]
 fn misnamed_files_are_refused_and_others_are_named() {
     for (name, wrong) in [("handshakes.toml", "handshake.toml"), ("handshakes.toml", "Handshakes.toml")] {
@@ -603,7 +604,7 @@ fn a_changed_script_is_read_again_in_stepped_mode() {
     let refused = emulator.run("restore", &[&saved]);
     let reason = "a file of PLC 'io' has changed since the snapshot, in /";
     assert!(refused.code != Some(0) && refused.err.contains(reason), "{refused:?}");
-    // The history before the change belongs to another script.
+    // The plant cannot go back to a moment before the change of the script, because another script ran then.
     emulator.step(&["1ms"]);
     assert_ne!(emulator.run("step", &["--back", "3ms"]).code, Some(0));
     emulator.run("step", &["--back", "1ms"]).ok();

@@ -80,7 +80,8 @@ fn the_first_signal_ends_a_command_whose_emulator_does_not_answer() {
         .unwrap();
     let _notes = watching(&mut child);
     emulator.signal("-STOP");
-    // The command asks twenty times a second. Soon one of its requests is in progress, in most cases before the signal.
+    // The command sends twenty requests per second. So one of its requests is probably in progress when the signal
+    // arrives.
     std::thread::sleep(std::time::Duration::from_millis(200));
     signal(&child, "-INT");
     let start = std::time::Instant::now();

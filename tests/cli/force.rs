@@ -33,7 +33,8 @@ fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
     assert!(trace.contains("w_OPTION_STATUS (%MW3.200002) no longer forced"), "{trace}");
 }
 
-/// Before the initialization data are taken over, the cyclic structure at the same addresses is not live.
+/// Two structures share these addresses. The cyclic structure is not live until the node has taken over its
+/// initialization data.
 #[test]
 fn the_list_names_the_live_register() {
     let emulator = Emulator::stepped();

@@ -44,7 +44,7 @@ fn filled(bytes: usize, head: &str, item: impl Fn(usize) -> String, tail: &str) 
     text + tail
 }
 
-/// The mistake is at the end, so that all other parts are read before it.
+/// The mistake is at the end of the file, so that everything else is read before the error.
 #[test]
 fn plants_are_refused_within_the_promised_time() {
     let files = Files::new();
@@ -79,7 +79,7 @@ fn plants_are_refused_within_the_promised_time() {
     }
 }
 
-/// The emulator would accept these plants, so all checks run, and each one has many names, buses or warnings.
+/// These plants are valid, so all checks run. Each plant has many names, buses or warnings.
 #[test]
 fn large_plants_are_accepted_within_the_promised_time() {
     let files = Files::new();

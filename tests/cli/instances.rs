@@ -69,7 +69,7 @@ fn the_speed_of_a_real_time_clock_can_be_changed() {
     assert!(before <= exact && exact <= after + 100_000, "{before} {exact} {after}");
     speed("0");
     assert_eq!(header.exact_us(), header.virtual_time_us.load());
-    // The emulator is late at this speed, and drops this time when the speed changes.
+    // At this speed the emulator is late. When the speed changes, it drops the time by which it is late.
     let is_over = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let computed = scope.spawn(|| {
@@ -175,7 +175,8 @@ fn a_name_that_is_taken_is_refused() {
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
 }
 
-/// The images of the two emulators have different names, but other resources of an instance exist only once.
+/// Two emulators of one instance have PLCs with different names, and so images with different names. But an instance
+/// has only one lock and one channel.
 #[test]
 fn a_used_instance_name_is_refused_for_any_plc_names() {
     let emulator = Emulator::stepped();

@@ -163,7 +163,7 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// Removes each file alone, and files without content, which identify no process.
+/// Tests with each single file of a killed emulator, and with empty files, which do not identify a process.
 #[test]
 fn clean_removes_all_remaining_files_of_an_instance() {
     let name = unique_name();
@@ -269,7 +269,7 @@ fn stop_ends_an_emulator_that_is_suspended_repeatedly() {
         }
         stop.join().unwrap()
     });
-    // `stop` does not wait for the process once it serves no clients.
+    // `stop` waits only until the process serves no clients any more, not until the process has ended.
     emulator.signal("-CONT");
     assert_eq!((outcome.code, outcome.err), (Some(0), continues_text(&emulator.name, pid)));
     assert_eq!(emulator.wait().code(), Some(0));

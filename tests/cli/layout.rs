@@ -81,7 +81,7 @@ fn files(dir: &Path) -> Vec<(String, String)> {
     files
 }
 
-/// Promise 26: an export of commram matches the layout by construction, so it confirms nothing.
+/// Promise 26: an export of commram is made from the layout, so importing it again does not confirm the layout.
 #[test]
 fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
     for device in commram::devices::all().iter().map(|device| device.layout.name) {

@@ -123,8 +123,8 @@ fn a_start_needs_as_many_open_files_as_it_says() {
     }
 }
 
-/// All registers contain noise, and requests of the header page arrive all the time. The identification of the image
-/// stays.
+/// Another program fills all registers with random values, and sends requests through the header page all the time. The
+/// test does not overwrite the fields that identify the image.
 #[test]
 fn a_program_that_writes_at_random_delays_no_client() {
     let emulator = Emulator::stepped();

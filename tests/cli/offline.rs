@@ -227,7 +227,7 @@ fn a_closed_pipe_is_no_error() {
     }
 }
 
-/// An empty name would stand for everything, or for nothing.
+/// An empty name could mean everything or nothing, so it is refused.
 #[test]
 fn an_empty_name_in_a_list_is_refused_with_the_right_form() {
     let name = crate::common::unique_name();

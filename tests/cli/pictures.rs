@@ -94,7 +94,7 @@ fn a_journal_file_has_the_states_of_a_register_that_is_not_recorded() {
     assert_eq!(plot("past.svg", &["--journal", &path("run.jsonl")]), live);
 }
 
-/// Nothing is known after the present, or after the end of a journal.
+/// A plot cannot extend beyond the present, or beyond the end of a journal file.
 #[test]
 fn a_plot_ends_at_the_last_known_time() {
     let emulator = recorded();

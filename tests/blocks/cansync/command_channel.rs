@@ -105,7 +105,7 @@ fn a_control_word_reaches_its_slave_once() {
     assert_eq!(receive.w_CONTROLWORD, 0x000F);
     receive.call(&bench.sl);
     assert_eq!((receive.si_RECEIVED, receive.w_CONTROLWORD), (0, 0x000F));
-    // The drive has received no control word: the block sends nothing to a slave number that does not exist.
+    // The block sends nothing to a slave number that does not exist, so the drive has received no control word.
     assert_eq!(bench.ma.a_STEUREG_CONTROLWORD[1].load(), 0);
     (send.si_SL_NR_CTRL, send.x_EN) = (-1, true);
     send.call(&bench.ma);
@@ -124,7 +124,7 @@ fn a_control_word_is_repeated_while_enabled() {
         receive.call(&b.sl);
         count += receive.si_RECEIVED / 2;
     });
-    // Slaves 0 and 1 have their turn in every other interval each.
+    // Slave 0 and slave 1 take turns, so each has its turn in every second interval.
     let turns = (40_000 / (2 * rate().interval_us)) as i8;
     assert!((turns - 2..=turns).contains(&count), "{count}");
 }
@@ -165,8 +165,9 @@ fn a_control_word_is_broadcast_command_1_too() {
     }
 }
 
-/// 5.02066.01a p. 92 gives 16#02 as reception indicator of the control word. A block that shows the word leaves another value for the other
-/// block. The page of the function blocks describes this for a program that polls the register itself (D-603).
+/// 5.02066.01a p. 92 gives 16#02 as reception indicator of the control word. When one of the two blocks has shown the
+/// word, it stores another value, so that the second block also shows the word. The page of the function blocks
+/// describes this for a program that polls the register itself (D-603).
 #[test]
 fn the_page_lists_the_reception_indicator_after_a_block() {
     let page = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");

@@ -143,7 +143,8 @@ impl Programs {
                 self.done[$done] += u32::from(was_busy && !self.$block.x_BUSY && self.$block.x_OK);
             };
         }
-        // Parameter jobs come so rarely that up-/downloads get their turns (p. 161).
+        // Parameter jobs have priority (p. 161), so they are given rarely. Otherwise the up-/downloads would not get
+        // their turns.
         next_job!(read, self.read.x_ERR, 0, number.is_multiple_of(8), self.read.call(ma));
         next_job!(write, self.write.x_ERR, 1, number % 16 == 5, self.write.call(ma));
         let source = self.blocks[0];
@@ -162,8 +163,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
     fn the_checker_finds_nothing_in_a_correct_program(
-        // A fault begins at most 1000 us after an edge, so that jitter cannot move the next edge before the begin of
-        // the fault.
+        // A fault begins at most 1000 us after an edge. So jitter cannot move the next edge to a time before the begin
+        // of the fault.
         faults in prop::collection::vec((1..40u32, 0..1000u64, 0..FAULTS.len()), 1..12),
     ) {
         let mut programs = Programs::new();

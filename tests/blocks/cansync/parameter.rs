@@ -47,7 +47,7 @@ fn a_drives_parameter_is_read_written_and_refused() {
     }
 }
 
-/// Manual p. 224, 232: each bit of `b_ERR`, both blocks.
+/// Manual p. 224, 232: tests each bit of `b_ERR` of both blocks.
 #[test]
 fn every_error_bit_of_the_masters_blocks() {
     macro_rules! check {
@@ -134,7 +134,7 @@ fn two_blocks_for_one_slave_take_turns() {
     assert_eq!(get.ud_PAR_VALUE, 77);
 }
 
-/// The monitoring time includes the wait for another block's job, which continues undisturbed.
+/// The monitoring time of a block also runs while the job of another block is in progress. That job is not disturbed.
 #[test]
 fn waiting_for_another_job_ends_with_a_timeout_too() {
     let dead = Dead::new();
@@ -312,7 +312,8 @@ fn a_slaves_block_restarts_after_an_unfetched_answer() {
     }
 }
 
-/// Manual p. 227; 5.02066.01a p. 144: the job shown is no longer valid when the firmware has dropped it (D-63).
+/// Manual p. 227; 5.02066.01a p. 144: when the firmware has dropped a job, the job that the block shows is no longer
+/// valid (D-63).
 #[test]
 fn a_job_that_the_firmware_drops_is_reset() {
     for is_answered in [false, true] {

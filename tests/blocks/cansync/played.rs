@@ -23,7 +23,7 @@ fn an_initialization_hands_over_the_bit_timing_of_its_baud_rate() {
 
 #[test]
 fn a_parameter_of_another_format_gives_the_result_of_the_manual() {
-    // The block asks for a doubleword, and the answer is a doubleword.
+    // For each case: true if the block requests a doubleword, and true if the answer is a doubleword.
     for (asked, answered) in [(false, false), (true, true), (false, true), (true, false)] {
         let dead = Dead::new();
         let base = dead.master();

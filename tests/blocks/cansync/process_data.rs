@@ -6,7 +6,7 @@ use crate::rig::{BOTH, Memory};
 
 const NEW: CANsync_RD_BMARRAY = [[0; 16]; 32];
 
-/// Manual p. 234: the example, and words that carry nothing.
+/// Manual p. 234: the example of the mapping, and words without a value.
 #[test]
 fn mapping_of_reference_values_as_in_the_manual() {
     let dead = Dead::new();
@@ -25,7 +25,7 @@ fn mapping_of_reference_values_as_in_the_manual() {
     assert_eq!(words2, [0x1F, 0x00, 0x00, 0x13], "value 3 does not belong to frame 2");
 }
 
-/// Manual p. 237, 240: the example, at the master for slave 3 and at a slave.
+/// Manual p. 237, 240: the example of the mapping, at the master for slave 3 and at a slave.
 #[test]
 fn mapping_of_actual_values_as_in_the_manual() {
     let dead = Dead::new();
@@ -128,7 +128,7 @@ fn master_slave_and_drive_exchange_process_data() {
     }
 }
 
-/// Manual p. 250, 259: only 5 releases a frame.
+/// Manual p. 250, 259: only the value 5 releases a frame.
 #[test]
 fn values_that_are_not_valid_are_not_sent() {
     let mut bench = mapped(Memory::Heap);

@@ -147,7 +147,8 @@ fn mode_gives_each_command_and_shows_each_state() {
     assert_eq!(give(&mut bench, |mode| mode.x_RESET_SOFTWARE = true), Some(0));
 }
 
-/// Decision D-29: on the RAM alone a restart over the 16#0000 that bit 7 has left could not be seen.
+/// Decision D-29: bit 7 leaves 16#0000 in the register. A restart writes 16#0000 again, which the RAM alone does not
+/// show.
 #[test]
 fn init_and_mode_restart_a_node_whose_controller_was_reset() {
     for memory in BOTH {
@@ -170,7 +171,8 @@ fn init_and_mode_restart_a_node_whose_controller_was_reset() {
     }
 }
 
-/// Both commands at the same time, as after BUS-off: the block resets the controller and enables active operation.
+/// A program gives both commands at the same time, as after BUS-off. The block resets the controller and enables active
+/// operation.
 #[test]
 fn mode_enables_active_operation_and_resets_the_controller_in_one() {
     let mut bench = Bench::active(Memory::Heap);

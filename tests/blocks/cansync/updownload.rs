@@ -28,7 +28,7 @@ impl BlockPair {
         }
     }
 
-    /// Calls each block once. The master sends from the array into which it receives, and so does the slave.
+    /// Calls each block once. Master and slave have one array each, for sending and for receiving.
     fn call(&mut self) {
         self.call_slave();
         self.call_master();
@@ -136,8 +136,8 @@ fn a_transfer_may_begin_before_the_slaves_block_runs() {
     }
 }
 
-/// A transfer begins before the slave's block runs, but the master gives it up before that: the late transfer does not
-/// block the next transfer.
+/// A transfer begins before the slave's block runs, and the master gives it up before the block runs. The given-up
+/// transfer does not block the next one.
 #[test]
 fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     for download in [false, true] {
@@ -212,7 +212,7 @@ fn one_transfer_after_another() {
     }
 }
 
-/// Until the end of a transfer the block uses its inputs from the start of the transfer.
+/// The block reads its inputs at the start of a transfer. Later changes of the inputs have no effect on this transfer.
 #[test]
 fn inputs_that_change_meanwhile_change_nothing() {
     let mut both = BlockPair::new(Memory::Heap);
@@ -225,7 +225,7 @@ fn inputs_that_change_meanwhile_change_nothing() {
     assert_eq!(both.at_slave[..76], values(5)[..76]);
 }
 
-/// Manual p. 267: each bit of `b_ERR` and errors of the slave.
+/// Manual p. 267: tests each bit of `b_ERR`, and errors that the slave reports.
 #[test]
 fn every_error_of_the_masters_block() {
     // No slave answers, so the transfer ends with a timeout after all tries.
@@ -261,7 +261,7 @@ fn every_error_of_the_masters_block() {
     assert_eq!((both.ma.w_ERR_SL, both.ma.x_ERR_SL, both.ma.b_ERR), (0x0104, true, of_slave));
 }
 
-/// Manual p. 270-271: the slave's own monitoring time.
+/// Manual p. 270-271: tests the monitoring time of the slave's block.
 #[test]
 fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
     let mut both = BlockPair::new(Memory::Heap);

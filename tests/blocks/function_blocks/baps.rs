@@ -1,5 +1,5 @@
-//! The BAPS blocks: `BAPS_INIT`, `BAPS_PD_COMM2`, `_COMM8`, `_COMM24`, `BAPS_PD_CONTROL`; service data are in
-//! `service_data`.
+//! Tests the BAPS blocks `BAPS_INIT`, `BAPS_PD_COMM2`, `_COMM8`, `_COMM24` and `BAPS_PD_CONTROL`. `service_data` has
+//! the tests of the blocks for service data.
 
 use crate::omega::cansync::bench::Dead;
 use crate::rig::{BOTH, Memory, segment};
@@ -359,7 +359,8 @@ fn re_initialization_reports_every_error() {
     assert_eq!((comm.b_ERR, comm.x_ERR, base.b_COMMAND.load()), (1 << 1, true, 0x01));
 }
 
-/// Manual p. 117: the block monitors the calls, not their results.
+/// Manual p. 117: `BAPS_PD_CONTROL` monitors whether the communication blocks are called. It ignores the results of the
+/// calls.
 #[test]
 fn missing_process_data_exchange_is_reported() {
     let mut stage = Stage::new(Memory::Heap, "");

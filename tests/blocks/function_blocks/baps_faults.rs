@@ -20,7 +20,7 @@ fn configuration() -> BAPS_INIT {
     init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0])
 }
 
-/// Manual p. 92: bit 4 of `b_ERR`, 3 s are preset.
+/// Manual p. 92: tests the timeout in bit 4 of `b_ERR`. The preset monitoring time is 3 s.
 #[test]
 fn a_configuration_that_is_not_answered_is_a_timeout() {
     for (kind, fields) in [("baps_silent", &[][..]), ("baps_slow", &["delay=3.5s"])] {
@@ -46,7 +46,7 @@ fn a_configuration_that_is_not_answered_is_a_timeout() {
     assert!(block.x_OK, "slow, but in time");
 }
 
-/// Manual p. 109: bit 1 of `b_ERR`, 1 s is preset.
+/// Manual p. 109: tests the timeout in bit 1 of `b_ERR`. The preset monitoring time is 1 s.
 #[test]
 fn a_re_initialization_that_is_not_answered_is_a_timeout() {
     let mut stage = Stage::new(Memory::Heap, "");
@@ -168,7 +168,7 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
     assert_eq!(read.ud_PAR_VALUE, 2000);
 }
 
-/// With a longer monitoring time a slow drive is in time: the drive takes the job 3 s late and answers 3 s late.
+/// The drive takes the job 3 s late and answers 3 s late. With a longer monitoring time, both are in time.
 #[test]
 fn a_longer_monitoring_time_allows_a_slower_job() {
     for (t_TIME, is_in_time) in [(Duration::from_secs(3), false), (Duration::from_secs(7), true)] {

@@ -71,7 +71,7 @@ fn intr_set_reports_refusals_of_the_board() {
             block.is_answered()
         });
         assert!(block.x_ERR, "{i_EVENT} {i_PAR1}");
-        // With other inputs the block makes another request.
+        // The inputs have changed, so the block makes another request.
         (block.i_EVENT, block.i_PAR1) = (0, 20);
         bench.until(|_| {
             block.call(&ram);

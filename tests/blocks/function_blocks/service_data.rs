@@ -103,7 +103,7 @@ fn every_error_of_the_drive() {
     assert_eq!((blocks.write.x_OK, blocks.control.b_ERR), (true, 0));
 }
 
-/// Manual p. 93, 96: several instances, one job at a time.
+/// Manual p. 93, 96: several instances of the blocks can wait. The drive does one job at a time.
 #[test]
 fn blocks_take_turns() {
     let mut stage = Stage::new(Memory::Heap, PARAMETER);
@@ -119,7 +119,8 @@ fn blocks_take_turns() {
     assert!(second.x_PAR_FORMAT && !blocks.read.x_PAR_FORMAT);
 }
 
-/// Manual p. 120: the timeouts of the three steps, bits 2, 3 and 4; each needs a reset.
+/// Manual p. 120: tests the timeouts of the three steps of a job, which set bits 2, 3 and 4. After each of them, the
+/// blocks need a reset.
 #[test]
 fn semaphores_that_do_not_move_are_timeouts() {
     for (bit, before, between) in [(2, 1, 1), (3, 0, 0), (4, 0, 1)] {

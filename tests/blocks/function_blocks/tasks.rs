@@ -206,7 +206,7 @@ fn the_next_program_starts_cold() {
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");
 
-    // A program that has died leaves its state in the registers.
+    // When a program has died, its state stays in the header page.
     let Stage { bench, tasks, log } = stage;
     std::mem::forget(tasks);
     let notes = CallRecorder { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };

@@ -39,7 +39,7 @@ function start() {
     else if (isBegun) route();
   });
   enter(takeToken());
-  // The module of the page arrives while the browser signs in.
+  // The module of the page is loaded while the browser signs in, so that the page appears sooner.
   pageOf(parts()[1]).load().catch(() => {});
 }
 
@@ -113,7 +113,7 @@ async function route() {
     server.instance = null;
     return chooseInstance(problem.message);
   }
-  // The user has opened another page in the meantime.
+  // While this page was loading, the user has opened another one.
   if (number !== routes) return;
   if (current?.page === page && current.instance === instance && current.rest === rest.join("/")) return;
   current?.end?.();

@@ -14,7 +14,8 @@ const root = document.getElementById("clock");
 const PART_MS = 50;
 /** Speeds that a real-time clock can be set to with one press. */
 const SPEEDS = [0.1, 1, 10, 100];
-/** Minimum time between two drawings of a real-time clock's time, in milliseconds: nobody reads digits that change faster, and each drawing costs processor time. */
+/** Minimum time between two drawings of a real-time clock's time, in milliseconds: a user cannot read digits that
+/** change faster, and each drawing costs processor time. */
 const TIME_MS = 100;
 let parts = null;
 let running = null;

@@ -4,7 +4,8 @@ import { feed } from "./feed.js";
 import { setNotice } from "./messages.js";
 import { counted, seconds } from "./values.js";
 
-/** The reply to a store of this page arrives at the latest this time after its journal record, in milliseconds. */
+/** Longest time in milliseconds from the journal record of a store of this page until the reply to the store arrives.
+/** */
 const REPLY_MS = 500;
 /** Maximum number of stores that are kept, and of registers that a note names. */
 const MOST = 1_000, NAMED = 3;

@@ -109,7 +109,8 @@ export function addToRecord({ operation, operations, fields, register, words, re
   changed();
 }
 
-/** Real time at which this page last went back in time, and the longest time until the server reports it; in milliseconds. */
+/** Real time at which this page last made the plant go back, and the longest time until the server reports this; in
+/** milliseconds. */
 let turnedAt = -Infinity;
 const OWN_TURN_MS = 500;
 

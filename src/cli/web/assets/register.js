@@ -159,7 +159,8 @@ class RegisterView {
     return control;
   }
 
-  /** Changes one bit. The register is written only if its value is still the one in which the bit was changed. */
+  /** Changes one bit. Computes the new value from the shown one, and writes it only if the register still has the shown
+  /** value. */
   async flip(bit) {
     const { item, entry } = this;
     const beforeUs = feed.timeUs;
