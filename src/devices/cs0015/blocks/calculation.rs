@@ -28,7 +28,7 @@ function_block! {
 }
 
 impl NORM {
-    /// Runs one PLC cycle. A value outside a range counts as the nearer limit.
+    /// Runs one PLC cycle. If a value is outside its range, the nearer limit of the range is used.
     pub fn call(&mut self) {
         let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
         let x = x.clamp(from.min(to), from.max(to));
@@ -37,11 +37,11 @@ impl NORM {
     }
 }
 
-/// Values with their times; each value is valid until the next one.
+/// Values with their start times. Each value is valid until the start time of the next value.
 #[derive(Clone, Debug)]
 pub struct ValueHistory<T> {
-    /// Start time and value, the oldest first. After a call of `ago`, the first entry is the value at the time of the
-    /// question, if the history is that long.
+    /// Start time and value, the oldest first. After a call of `ago`, the first entry is the value at the
+    /// requested time, if the history goes back that far.
     values: VecDeque<(u64, T)>,
 }
 
@@ -52,8 +52,8 @@ impl<T> Default for ValueHistory<T> {
 }
 
 impl<T: Copy + PartialEq> ValueHistory<T> {
-    /// Records `value` from `now` on; returns the value of `us` microseconds ago, `None` before the first value. Older
-    /// values are removed.
+    /// Records that `value` is valid from `now` on. Returns the value of `us` microseconds ago, or `None` if
+    /// there was no value at that time. Removes older values.
     pub(super) fn ago(&mut self, value: T, now: u64, us: u64) -> Option<T> {
         if self.values.back().is_none_or(|(_, last)| *last != value) {
             self.values.push_back((now, value));
@@ -72,7 +72,7 @@ pub(super) fn us(time: Duration) -> u64 {
 }
 
 function_block! {
-    /// Delays a value by a time (p. 123). To be called in every cycle.
+    /// Delays a value by a time (p. 123). The program must call the block in every cycle.
     pub struct DELAY(ram: Ram) {
         in {
             /// Input value of the block.
@@ -81,7 +81,7 @@ function_block! {
             T: Duration;
         }
         out {
-            /// The value that `X` had a time `T` ago; 0 until `T` has passed.
+            /// The value of `X` a time `T` ago. The output is 0 until `T` has passed.
             Y: u16;
         }
         internal: ValueHistory<u16>;
@@ -96,7 +96,7 @@ impl DELAY {
 }
 
 function_block! {
-    /// A low-pass filter: follows a value with a time constant (p. 124).
+    /// A low-pass filter: the output follows the input with a time constant (p. 124).
     pub struct PT1(ram: Ram) {
         in {
             /// Input value of the block.
@@ -120,7 +120,7 @@ pub struct LowPass {
 }
 
 impl PT1 {
-    /// Runs one PLC cycle. X counts for the time since the previous call.
+    /// Runs one PLC cycle. The block assumes that `X` has had its present value since the previous call.
     pub fn call(&mut self, ram: &Ram) {
         let now = ram.now_us();
         let passed = now.saturating_sub(self.internal.called_at.replace(now).unwrap_or(now));
@@ -164,7 +164,7 @@ mod tests {
         assert_eq!(delay.internal.values.len(), 1, "old values are removed");
     }
 
-    /// A step reaches 63 % after the time constant, for any cycle.
+    /// After the time constant, a step has reached 63 %, with any cycle time.
     #[test]
     fn a_filter_follows_with_its_time_constant() {
         for cycle in [1, 10, 100] {

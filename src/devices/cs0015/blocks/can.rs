@@ -5,7 +5,7 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 
 function_block! {
-    /// Sets the bit rate, which takes effect at once and is stored (p. 31).
+    /// Sets the bit rate. The rate takes effect at once and is stored (p. 31).
     pub struct CAN_BAUDRATE(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
@@ -14,7 +14,7 @@ function_block! {
             BAUDRATE: u16;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -45,9 +45,9 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// The message of the previous order was accepted; otherwise repeat the order.
+            /// The message of the previous order was accepted. If FALSE, the program must repeat the order.
             RESULT: bool;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -65,7 +65,8 @@ impl CAN_TRANSMIT {
 }
 
 function_block! {
-    /// Registers an identifier, and fetches its messages, the oldest first (p. 33-34). Each call gives an order.
+    /// Registers an identifier and fetches its messages, the oldest first (p. 33-34). Each call gives an
+    /// order.
     pub struct CAN_RECEIVE(jobs: Jobs) {
         in {
             /// Registers the identifier, once.
@@ -82,11 +83,11 @@ function_block! {
             DLC: u8;
             /// This block does not use RTR.
             RTR: u8;
-            /// Number of waiting messages, including the fetched one; 0: none.
+            /// Number of waiting messages, including the message that was fetched; 0: no message.
             AVAILABLE: u8;
             /// At least one message was lost.
             OVERFLOW: bool;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -98,7 +99,7 @@ impl CAN_RECEIVE {
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.CONFIG.into(), self.CLEAR.into(), self.ID.into()];
         let answer = self.internal.call(jobs, true, job::CAN_RECEIVE, &arguments, &[]);
-        // The block shows AVAILABLE 0 until the program fetches the next message.
+        // AVAILABLE stays 0 until the program fetches the next message.
         self.AVAILABLE = 0;
         self.ANSWERED = answer.is_some();
         let Some(answer) = answer else { return };

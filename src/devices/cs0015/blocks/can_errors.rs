@@ -12,7 +12,7 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -36,7 +36,7 @@ function_block! {
         out {
             /// Number of errors since the last reset of the counter.
             ERRORCOUNT: u16;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;

@@ -4,11 +4,11 @@ use super::calculation::{ValueHistory, us};
 use crate::plc::{Ram, function_block};
 use core::time::Duration;
 
-/// Steps of a manipulated variable: 65536 is 0 %, 0 is 100 % (p. 127).
+/// Number of steps of a manipulated variable: the value 65536 means 0 %, the value 0 means 100 % (p. 127).
 const RANGE: f64 = 65_536.0;
 /// The largest effective deviation (p. 127).
 const DEVIATION: i32 = 127;
-/// Change of the manipulated variable for a deviation of 1, with a gain of 1.
+/// Change of the manipulated variable for a deviation of 1 and a gain of 1.
 const STEP: f64 = 256.0;
 
 /// Settings of a controller.
@@ -30,7 +30,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Returns the sum of the three parts for a deviation.
+    /// Returns the sum of the proportional, integral and differential parts for a deviation.
     fn at(&mut self, deviation: i32, settings: &Settings, now: u64) -> f64 {
         let deviation = deviation.clamp(-DEVIATION, DEVIATION);
         let passed = now.saturating_sub(self.called_at.replace(now).unwrap_or(now));
@@ -40,17 +40,17 @@ impl Controller {
             0 => 0.0,
             tn => self.integral + kp * now_it_is * passed as f64 / tn as f64,
         };
-        // The integral part is limited to the range of the output. A larger value would have no effect, and would only
-        // take longer to fall.
+        // The integral part is limited to the range of the output. A larger value would not change the
+        // output, but would take longer to decrease again.
         self.integral = self.integral.clamp(-RANGE, RANGE);
-        // A change of the deviation has an effect for the time TV only (p. 126).
+        // A change of the deviation has an effect only for the time TV (p. 126).
         let before = self.past.ago(deviation, now, us(settings.tv)).map_or(0.0, f64::from);
         kp * now_it_is + self.integral + kd * (now_it_is - before)
     }
 }
 
-/// Returns the part that follows from the setpoint alone (p. 127, 131). If the largest setpoint is 0, the output is
-/// off.
+/// Returns the part of the output that depends only on the setpoint (p. 127, 131). If the largest setpoint is
+/// 0, the output is off.
 fn reference(setpoint: u16, most: u16) -> f64 {
     if most == 0 { RANGE } else { RANGE - f64::from(setpoint) / f64::from(most) * RANGE }
 }
@@ -61,7 +61,7 @@ fn output(value: f64) -> u16 {
 }
 
 function_block! {
-    /// A PID controller (p. 125-129). Y fits PWM with a RELOAD of 65535: 65535 is 0 %, 0 is 100 %.
+    /// A PID controller (p. 125-129). Y is suitable for PWM with a RELOAD of 65535: 65535 is 0 %, 0 is 100 %.
     pub struct PID(ram: Ram) {
         in {
             /// Actual value of the controlled variable.
@@ -78,7 +78,8 @@ function_block! {
             KD: u8;
             /// Derivative time of the controller.
             TV: Duration;
-            /// Self-optimization; without effect in commram, because the manual does not describe it (D-448).
+            /// Self-optimization. It has no effect in commram, because the manual does not describe it
+            /// (D-448).
             SO: bool;
         }
         out {
@@ -137,7 +138,8 @@ impl GLR {
         let deviation = i32::from(self.X1) - i32::from(self.X2);
         let parts = self.internal.at(deviation, &settings, ram.now_us());
         let reference = reference(self.XS, self.XMAX);
-        // Raises only the manipulated variable of the larger value.
+        // Increases the manipulated variable only of the channel with the larger value, which reduces its
+        // output.
         let raised = |is_larger: bool, by: f64| output(reference + if is_larger { by.max(0.0) } else { 0.0 });
         self.Y1 = raised(deviation >= 0, parts);
         self.Y2 = raised(deviation <= 0, -parts);
@@ -172,7 +174,7 @@ mod tests {
         }
     }
 
-    /// X > XS raises Y, X < XS reduces it (p. 127).
+    /// If X is greater than XS, Y increases; if X is less than XS, Y decreases (p. 127).
     #[test]
     fn a_deviation_raises_and_reduces_up_to_127() {
         let ram = ram();

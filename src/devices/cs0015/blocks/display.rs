@@ -8,21 +8,21 @@ function_block! {
     /// Switches segments of the display (p. 101).
     pub struct LCD_SEGMENTS(jobs: Jobs) {
         in {
-            /// TRUE: the call gives the order; FALSE: the other inputs have no effect.
+            /// If TRUE, the call gives the order. If FALSE, the other inputs have no effect.
             CHANGE: bool;
             /// Segments of digit 1 to 5.
             DIGITS: [u8; 5];
             /// Segments of letter 1 to 3.
             LETTERS: [u16; 3];
-            /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
+            /// Digits and letters that blink: bit 0 is digit 1, bit 5 is letter 1.
             BLINK: u8;
-            /// Fixed texts, from bit 0: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
+            /// Fixed texts; from bit 0 on: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
             STATES: u8;
-            /// Decimal points: the point of digit 1 in bit 0.
+            /// Decimal points; bit 0 is the point of digit 1.
             POINTS: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -44,19 +44,19 @@ function_block! {
     /// Shows a text (p. 103).
     pub struct LCD_TEXT(jobs: Jobs) {
         in {
-            /// TRUE: the call gives the order; FALSE: the other inputs have no effect.
+            /// If TRUE, the call gives the order. If FALSE, the other inputs have no effect.
             CHANGE: bool;
-            /// Characters of the text, with 0 after the last one.
+            /// Characters of the text. A 0 must follow the last character.
             TEXT: [u8; 8];
-            /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
+            /// Digits and letters that blink: bit 0 is digit 1, bit 5 is letter 1.
             BLINK: u8;
-            /// Fixed texts, from bit 0: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
+            /// Fixed texts; from bit 0 on: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
             STATES: u8;
-            /// Decimal points: the point of digit 1 in bit 0.
+            /// Decimal points; bit 0 is the point of digit 1.
             POINTS: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;

@@ -6,25 +6,27 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// Values of CFG_RESULT: read or written; not yet read or written (p. 77). CFG_RESULT is 0 if READ and WRITE are FALSE.
+/// Values of CFG_RESULT (p. 77). `DONE`: read or written. `NOT_YET`: not yet read or written. The value is 0
+/// if READ and WRITE are FALSE.
 const DONE: u8 = 1;
 const NOT_YET: u8 = 2;
 
 function_block! {
-    /// Makes the device the master of I/O modules 1 to NO_NODE (p. 73). Keep ENABLE TRUE until DONE.
+    /// Makes the device the master of I/O modules 1 to NO_NODE (p. 73). ENABLE must stay TRUE until DONE is
+    /// TRUE.
     pub struct COP_MSTR_BOOTUP(jobs: Jobs) {
         in {
             /// Starts the operation; FALSE ends it.
             ENABLE: bool;
             /// Number of nodes, without the master.
             NO_NODE: u8;
-            /// Time between two guarding objects, to 65535 ms; 0: never.
+            /// Time between two guarding objects, at most 65535 ms; 0: never.
             GUARDTIME: Duration;
             /// Number of consecutive answers that may be missing.
             LIFETIME: u8;
         }
         out {
-            /// Finished, more than 2 s after the start.
+            /// The block has finished, more than 2 s after the start.
             DONE: bool;
         }
         internal: Sdo;
@@ -41,14 +43,14 @@ impl COP_MSTR_BOOTUP {
 }
 
 function_block! {
-    /// Sends SYNC objects and guards the nodes; to be called in every cycle (p. 75).
+    /// Sends SYNC objects and guards the nodes. The program must call the block in every cycle (p. 75).
     pub struct COP_MSTR_MAIN(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Number of nodes, without the master.
             NO_NODE: u8;
-            /// Time between two SYNC objects, to 65535 ms; 0: never.
+            /// Time between two SYNC objects, at most 65535 ms; 0: never.
             SYNC_TIME: Duration;
             /// Makes a returning node Operational.
             AUTO_OPERATIONAL: bool;
@@ -56,9 +58,9 @@ function_block! {
             RESET_GUARDING: bool;
         }
         out {
-            /// Missing nodes in ascending order, followed by 0.
+            /// Numbers of the missing nodes in ascending order, followed by 0.
             RESULT: [u8; 8];
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -82,7 +84,7 @@ impl COP_MSTR_MAIN {
     }
 }
 
-/// Defines blocks that configure a module, from the names of its inputs and outputs.
+/// Defines blocks that configure a module. The macro gets the names of the inputs and outputs.
 macro_rules! config {
     ($($(#[$doc:meta])* $name:ident = $job:ident: $($(#[$pin_doc:meta])* $pin:ident $actual:ident)*;)*) => {$(
         function_block! {
@@ -100,13 +102,13 @@ macro_rules! config {
                     WRITE: bool;
                 }
                 out {
-                    /// 1: read or written; 2: not yet; 0: neither READ nor WRITE.
+                    /// 1: read or written; 2: not yet read or written; 0: READ and WRITE are FALSE.
                     CFG_RESULT: u8;
                     $(
                         /// Value that was read.
                         $actual: u8;
                     )*
-                    /// Reason of the last abort; 0: not aborted, or refused; added by commram.
+                    /// Reason of the last abort; 0: not aborted, or refused. commram has added this output.
                     ABORT: u32;
                 }
                 internal: Sdo;
@@ -137,7 +139,7 @@ macro_rules! config {
     )*};
 }
 
-/// Defines blocks for a CR2010, also under its old name.
+/// Defines blocks for a CR2010. Each block also exists under an older name.
 macro_rules! cr2010 {
     ($($(#[$doc:meta])* $name:ident)*) => {
         config! {$(
@@ -200,7 +202,7 @@ macro_rules! work {
                 out {
                     /// Result of the previous order: the words were exchanged.
                     RESULT: bool;
-                    /// The previous order has been answered; added by commram.
+                    /// The previous order has been answered. commram has added this output.
                     ANSWERED: bool;
                 }
                 internal: Order;

@@ -5,7 +5,7 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// Defines blocks with ENABLE, NODE and RESULT, some of them with a STATE.
+/// Defines blocks with ENABLE, NODE and RESULT. Some of these blocks also have STATE.
 macro_rules! of_node {
     ($($(#[$doc:meta])* $name:ident $(: $state:ident)?)*) => {$(
         function_block! {
@@ -14,18 +14,18 @@ macro_rules! of_node {
                 in {
                     /// Each call with TRUE gives an order to the operating system.
                     ENABLE: bool;
-                    /// Number of the node, 1 to 127; 0: all.
+                    /// Number of the node, 1 to 127; 0: all nodes.
                     NODE: u8;
                 }
                 out {
                     $(
-                        /// State of the node at the previous order: 127 Pre-Operational, 5 Operational, 4 Prepared, 0
-                        /// not known.
+                        /// State of the node at the previous order: 127 Pre-Operational, 5 Operational, 4
+                        /// Prepared, 0 unknown.
                         $state: u8;
                     )?
                     /// Result of the previous order: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
                     RESULT: u8;
-                    /// The previous order has been answered; added by commram.
+                    /// The previous order has been answered. commram has added this output.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -55,7 +55,7 @@ of_node! {
     NMM_STOP_GUARDING
     /// Makes a node Pre-Operational (p. 60).
     NMM_SET_PREOPERATIONAL
-    /// Makes a node Operational; also works for the master itself (p. 61).
+    /// Makes a node Operational. The node may be the master itself (p. 61).
     NMM_SET_OPERATIONAL
     /// Stops a node (p. 62).
     NMM_SET_PREPARED
@@ -78,7 +78,7 @@ macro_rules! of_master {
                     ENABLE: bool;
                 }
                 out {
-                    /// The previous order has been answered; added by commram.
+                    /// The previous order has been answered. commram has added this output.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -109,7 +109,7 @@ function_block! {
             ENABLE: bool;
             /// Number of the node, 1 to 127.
             NODE: u8;
-            /// Time between two guarding objects, to 65535 ms; 0: never.
+            /// Time between two guarding objects, at most 65535 ms; 0: never.
             GUARDTIME: Duration;
             /// Number of consecutive answers that may be missing.
             LIFETIME: u8;
@@ -117,7 +117,7 @@ function_block! {
         out {
             /// Result of the previous order: 0 done, 1 not done, 2 wrong parameters.
             RESULT: u8;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -137,7 +137,8 @@ impl NMM_ADD_NODE {
 }
 
 function_block! {
-    /// Guards the nodes with started guarding; to be called in every cycle (p. 59).
+    /// Guards the nodes for which guarding was started. The program must call the block in every cycle (p.
+    /// 59).
     pub struct NMM_NODE_GUARDING(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
@@ -146,9 +147,10 @@ function_block! {
             AUTO_RESTART: bool;
         }
         out {
-            /// Result of the previous order: 0, or the number of a missing node, one after another; 255 wrong call.
+            /// Result of the previous order: 0, or the number of a missing node (successive calls return all
+            /// missing nodes in turn); 255 for a wrong call.
             RESULT: u8;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -177,7 +179,7 @@ function_block! {
         out {
             /// Result of the previous order: the object was sent.
             RESULT: bool;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -201,7 +203,7 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// A new emergency has come; TRUE for one call.
+            /// A new emergency has arrived. The output is TRUE for one call.
             RECEIVED: bool;
             /// Number of the node.
             NODE: u8;
@@ -211,7 +213,7 @@ function_block! {
             REGISTER: u8;
             /// Further data of the node.
             DATA: [u8; 5];
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;

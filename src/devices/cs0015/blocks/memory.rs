@@ -1,5 +1,5 @@
-//! Blocks that work on memory by its address (p. 108, 111). On the device `ADR` returns an address; in commram an
-//! address is the byte of the image (D-446).
+//! Blocks that work on memory by its address (p. 108, 111). On the device, `ADR` returns an address. In
+//! commram an address is the byte offset in the image (D-446).
 
 use crate::devices::cs0015::registers::DEVICE;
 use crate::memory::Segment;
@@ -8,7 +8,7 @@ use crate::plc::{Ram, function_block};
 /// The address spaces that are memory of the device.
 const MEMORY: [&str; 3] = ["inputs", "outputs", "flags"];
 
-/// Returns `bytes` bytes of the device's memory from an address on; `None` if they are not all memory.
+/// Returns `bytes` bytes of the device's memory from an address on; `None` if some of them are not memory.
 pub(super) fn read(ram: &Ram, address: u32, bytes: u32) -> Option<Vec<u8>> {
     let last = address.checked_add(bytes.checked_sub(1)?)?;
     let space = DEVICE.space_at(address).filter(|space| MEMORY.contains(&space.name))?;
@@ -19,7 +19,7 @@ pub(super) fn read(ram: &Ram, address: u32, bytes: u32) -> Option<Vec<u8>> {
 
 fn write(segment: &Segment, address: u32, data: &[u8]) {
     for (offset, byte) in (address..).zip(data) {
-        // Cannot fail: the caller has checked that the bytes are in the image.
+        // The caller has checked that the bytes are in the image, so this cannot fail.
         let _ = segment.store(offset, crate::layout::Width::Byte, (*byte).into());
     }
 }
@@ -50,7 +50,7 @@ impl MEMCPY {
 }
 
 function_block! {
-    /// Supervises data that must not change (p. 111, D-446).
+    /// Detects changes of data that must not change (p. 111, D-446).
     pub struct CHECK_DATA(ram: Ram) {
         in {
             /// Address of the data.
@@ -61,7 +61,7 @@ function_block! {
             UPDATE: bool;
         }
         out {
-            /// FALSE: the data have changed, or are no memory of the device.
+            /// FALSE: the data have changed, or are not in the memory of the device.
             RESULT: bool;
         }
         internal: Option<ReferenceData>;
@@ -76,8 +76,8 @@ pub struct ReferenceData {
 }
 
 impl CHECK_DATA {
-    /// Runs one PLC cycle. The first call, a call with UPDATE and the first call for another place take the present
-    /// data as reference.
+    /// Runs one PLC cycle. Three kinds of calls take the present data as reference: the first call, a call
+    /// with UPDATE, and the first call for another address or length.
     pub fn call(&mut self, ram: &Ram) {
         let place = (self.STARTADR, self.LENGTH);
         let data = u32::try_from(self.STARTADR).ok().and_then(|at| read(ram, at, self.LENGTH.into()));
@@ -112,7 +112,7 @@ mod tests {
         let (from, to) = (FUNCTION, FUNCTION + 1);
         MEMCPY { DST: to, SRC: from, LEN: 3 }.call(&ram);
         assert_eq!(read(&ram, from, 5), Some(vec![1, 1, 2, 3, 0]));
-        // A single byte of a word (p. 108).
+        // Copies a single byte of a word (p. 108).
         MEMCPY { DST: to + 4, SRC: from + 3, LEN: 1 }.call(&ram);
         assert_eq!((load(&ram, FUNCTION + 4), load(&ram, FUNCTION + 5)), (0, 3));
     }

@@ -1,9 +1,8 @@
 //! The function blocks of the CS0015, and related types for programs (Systemhandbuch Platinensteuerung CS0015, p.
 //! 30-70, 86-131).
-//!
-//! On the device the blocks call the operating system. In commram each call with ENABLE enters an order in the job
-//! block. A later call shows the result; in a program this is the next call (D-444). Blocks that only calculate enter
-//! no order.
+//! On the device the blocks call the operating system. In commram each call with ENABLE enters an order in
+//! the job block. A later call shows the result; in a PLC program this is the next call (D-444). Blocks that
+//! only calculate enter no order.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

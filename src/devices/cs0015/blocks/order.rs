@@ -19,7 +19,8 @@ impl Jobs {
         Ok(Jobs(ram.at(JOBS)?))
     }
 
-    /// Takes a place for an order: a free one, otherwise the place with the oldest answer that was not fetched (D-434).
+    /// Takes a place for an order: a free place, or otherwise the place with the oldest answer that no block
+    /// has fetched (D-434).
     fn take_place(&self) -> Option<usize> {
         let controls = || self.0.a_CONTROL.iter().enumerate();
         let take = |place: usize, from: u8| {
@@ -50,7 +51,7 @@ impl Wire for Jobs {
 /// The answer to an order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
-    /// True if the order was refused, because of its arguments or the state of the device.
+    /// True if the order was refused because of its arguments or because of the state of the device.
     pub is_refused: bool,
     /// Results as in `a_RESULT`.
     pub results: [u32; 8],
@@ -110,7 +111,7 @@ impl Order {
         true
     }
 
-    /// Returns the progress. An order that was lost by a power-on counts as not given.
+    /// Returns the progress. If a power-on has deleted the order, it counts as not given.
     pub fn look(&mut self, jobs: &Jobs) -> Progress {
         let Some((place, number)) = self.0 else { return Progress::Nothing };
         let jobs = &jobs.0;
@@ -132,7 +133,7 @@ impl Order {
         Progress::Answered(answer)
     }
 
-    /// Withdraws an unanswered order, or discards its answer.
+    /// Withdraws an order without an answer, or discards its answer.
     pub fn withdraw(&mut self, jobs: &Jobs) {
         if self.look(jobs) == Progress::UnderWay
             && let Some((place, _)) = self.0.take()
@@ -148,7 +149,7 @@ pub(super) fn ms(time: Duration) -> u32 {
     u32::try_from(time.as_millis()).unwrap_or(u32::MAX)
 }
 
-/// Returns the data of an answer as an array, filled up with 0.
+/// Returns the data of an answer as an array. Missing bytes are 0.
 pub(super) fn array<const N: usize>(data: &[u8]) -> [u8; N] {
     let mut array = [0; N];
     array.iter_mut().zip(data).for_each(|(to, byte)| *to = *byte);

@@ -9,18 +9,18 @@ const INACTIVE: u8 = 0;
 const FINISHED: u8 = 1;
 const ACTIVE: u8 = 2;
 
-/// An order that takes several cycles: an SDO, or a function that uses SDOs. While enabled, the block repeats the order
-/// until it has finished once.
+/// An order that takes several cycles: an SDO, or a function that uses SDOs. While ENABLE is TRUE, the block
+/// repeats the order until it has finished once.
 #[derive(Clone, Debug, Default)]
 pub struct Sdo {
     order: Order,
-    /// True if the order has finished, and ENABLE was not FALSE since.
+    /// True if the order has finished, and ENABLE has been TRUE since then.
     is_finished: bool,
 }
 
 impl Sdo {
-    /// Runs one call: returns RESULT, and if the order has just finished, the second result (the abort code) and the
-    /// data.
+    /// Runs one call and returns RESULT. If the order has just finished, also returns the second result,
+    /// which is the abort code, and the data.
     pub(super) fn call(
         &mut self,
         jobs: &Jobs,
@@ -53,8 +53,8 @@ impl Sdo {
 }
 
 function_block! {
-    /// Reads an entry of the object dictionary of a node (p. 69). While ENABLE is TRUE the block reads once, and
-    /// repeats an aborted transfer (D-445).
+    /// Reads an entry of the object dictionary of a node (p. 69). While ENABLE is TRUE, the block reads the
+    /// entry once. It repeats a transfer that was aborted (D-445).
     pub struct SDO_READ(jobs: Jobs) {
         in {
             /// Reads the entry.
@@ -69,11 +69,11 @@ function_block! {
             LENGTH: u16;
         }
         out {
-            /// 0 not active, or aborted; 1 finished; 2 active.
+            /// 0: not active, or aborted; 1: finished; 2: active.
             RESULT: u8;
             /// Data of the entry in the object dictionary.
             DATA: [u8; 256] = [0; 256];
-            /// Reason of the last abort; 0: not aborted, or refused; added by commram.
+            /// Reason of the last abort; 0: not aborted, or refused. commram has added this output.
             ABORT: u32;
         }
         internal: Sdo;
@@ -96,7 +96,8 @@ impl SDO_READ {
 }
 
 function_block! {
-    /// Writes an entry of the object dictionary of a node (p. 70), as `SDO_READ` reads one.
+    /// Writes an entry of the object dictionary of a node (p. 70), in the same way as `SDO_READ` reads an
+    /// entry.
     pub struct SDO_WRITE(jobs: Jobs) {
         in {
             /// Writes the entry.
@@ -113,9 +114,9 @@ function_block! {
             DATA: [u8; 256] = [0; 256];
         }
         out {
-            /// 0 not active, or aborted; 1 finished; 2 active.
+            /// 0: not active, or aborted; 1: finished; 2: active.
             RESULT: u8;
-            /// Reason of the last abort; 0: not aborted, or refused; added by commram.
+            /// Reason of the last abort; 0: not aborted, or refused. commram has added this output.
             ABORT: u32;
         }
         internal: Sdo;

@@ -6,7 +6,7 @@ use crate::plc::function_block;
 use core::time::Duration;
 
 function_block! {
-    /// Sets the Node-ID, which takes effect at once and is stored (p. 45).
+    /// Sets the Node-ID. It takes effect at once and is stored (p. 45).
     pub struct NMS_SET_NODEID(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
@@ -15,7 +15,7 @@ function_block! {
             NODEID: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -31,20 +31,20 @@ impl NMS_SET_NODEID {
 }
 
 function_block! {
-    /// Sets the supervision of the master by the slave (p. 46).
+    /// Configures how the slave supervises its master (p. 46).
     pub struct NMS_GUARDING_CONFIG(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
-            /// Time between two guarding objects, to 65535 ms; 0: off.
+            /// Time between two guarding objects, at most 65535 ms; 0: off.
             GUARDTIME: Duration;
             /// Number of consecutive guarding objects that may be missing.
             LIFETIME: u8;
-            /// Time between two SYNC objects, to 65535 ms; 0: off.
+            /// Time between two SYNC objects, at most 65535 ms; 0: off.
             CYCLEPERIOD: Duration;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -68,15 +68,15 @@ function_block! {
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
-            /// Identifier of the PDO, from 16#380 on; 0: keeps the present one.
+            /// Identifier of the PDO, from 16#380 on; 0 keeps the present identifier.
             ID: u16;
-            /// 0 to 240: with SYNC, 255: when the data have changed.
+            /// 0 to 240: the PDO is sent with SYNC; 255: the PDO is sent when the data have changed.
             TRANS_TYPE: u8;
-            /// Minimum time until the next PDO, to 65535 ms.
+            /// Minimum time until the next PDO, at most 65535 ms.
             INHIBIT_TIME: Duration;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -99,13 +99,13 @@ function_block! {
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
-            /// Identifier of the PDO, from 16#380 on; 0: keeps the present one.
+            /// Identifier of the PDO, from 16#380 on; 0 keeps the present identifier.
             ID: u16;
-            /// 0 to 240: with SYNC, 255: at once.
+            /// 0 to 240: the data take effect with SYNC; 255: the data take effect at once.
             TRANS_TYPE: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -124,13 +124,13 @@ function_block! {
     /// Sends a PDO once more (p. 51).
     pub struct PDO_TX_REFRESH(jobs: Jobs) {
         in {
-            /// Gives the order; do not set it in every cycle.
+            /// TRUE gives the order. Do not set it in every cycle.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;

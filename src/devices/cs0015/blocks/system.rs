@@ -13,7 +13,7 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -40,7 +40,7 @@ macro_rules! of_eeprom {
                 out {
                     /// 0: inactive, 1: finished, 2: working.
                     RESULT: u8;
-                    /// The previous order has been answered; added by commram.
+                    /// The previous order has been answered. commram has added this output.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -60,14 +60,14 @@ macro_rules! of_eeprom {
 }
 
 of_eeprom! {
-    /// Saves %MW128 to %MW511 in the EEPROM (p. 109). Keep ENABLE TRUE until RESULT is 1.
+    /// Saves %MW128 to %MW511 in the EEPROM (p. 109). ENABLE must stay TRUE until RESULT is 1.
     E2WRITE
-    /// Loads %MW128 to %MW511 from the EEPROM (p. 110). Keep ENABLE TRUE until RESULT is 1.
+    /// Loads %MW128 to %MW511 from the EEPROM (p. 110). ENABLE must stay TRUE until RESULT is 1.
     E2READ
 }
 
 function_block! {
-    /// Sends a byte by RS 232 (p. 112). Needs SERIAL_MODE.
+    /// Sends a byte by RS 232 (p. 112). The program must first call SERIAL_MODE.
     pub struct SERIAL_TX(jobs: Jobs) {
         in {
             /// Each call with TRUE gives an order to the operating system.
@@ -76,7 +76,7 @@ function_block! {
             DATA: u8;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -92,7 +92,8 @@ impl SERIAL_TX {
 }
 
 function_block! {
-    /// Fetches a byte received by RS 232 (p. 113). Needs SERIAL_MODE. Each call gives an order.
+    /// Fetches a byte that was received by RS 232 (p. 113). The program must first call SERIAL_MODE. Each
+    /// call gives an order.
     pub struct SERIAL_RX(jobs: Jobs) {
         in {
             /// TRUE discards received bytes that wait to be read.
@@ -105,7 +106,7 @@ function_block! {
             AVAILABLE: u16;
             /// TRUE if received bytes were lost.
             OVERFLOW: bool;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -125,12 +126,13 @@ impl SERIAL_RX {
 }
 
 function_block! {
-    /// Returns the number of waiting bytes received by RS 232 (p. 114). Each call gives an order.
+    /// Returns the number of received bytes that wait to be read from RS 232 (p. 114). Each call gives an
+    /// order.
     pub struct SERIAL_PENDING(jobs: Jobs) {
         out {
             /// Number of waiting bytes.
             NUMBER: u16;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -147,12 +149,12 @@ impl SERIAL_PENDING {
 }
 
 function_block! {
-    /// Time since the supply was switched on (p. 115). Each call gives an order.
+    /// Returns the time since the supply was switched on (p. 115). Each call gives an order.
     pub struct TIMER_READ(jobs: Jobs) {
         out {
-            /// Time in steps of 10 ms, to 10 m 55 s 350 ms, then from 0 on.
+            /// Time in steps of 10 ms, up to 10 m 55 s 350 ms. Then it begins at 0 again.
             T: Duration;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -169,12 +171,12 @@ impl TIMER_READ {
 }
 
 function_block! {
-    /// Time since the supply was switched on (p. 116). Each call gives an order.
+    /// Returns the time since the supply was switched on (p. 116). Each call gives an order.
     pub struct TIMER_US_READ(jobs: Jobs) {
         out {
-            /// Time in us, to 4294967295, then from 0 on.
+            /// Time in us, up to 4294967295. Then it begins at 0 again.
             TIME_US: u32;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -191,14 +193,14 @@ impl TIMER_US_READ {
 }
 
 function_block! {
-    /// Runs the program of event 2 each millisecond (p. 118). A call with a changed ENABLE gives an order.
+    /// Makes the program of event 2 run each millisecond (p. 118). A call that changes ENABLE gives an order.
     pub struct SET_INTERRUPT_1MS(jobs: Jobs) {
         in {
             /// Runs the program of event 2.
             ENABLE: bool;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: (Order, bool);

@@ -6,12 +6,12 @@ use crate::plc::function_block;
 use core::time::Duration;
 
 function_block! {
-    /// A PWM output, with values of its counter (p. 92). A call with INIT or CHANGE gives an order.
+    /// A PWM output. Its values are those of the counter (p. 92). A call with INIT or CHANGE gives an order.
     pub struct PWM(jobs: Jobs) {
         in {
-            /// Makes PWM outputs of the four outputs of the group; then VALUE is 0 %.
+            /// Makes the four outputs of the group PWM outputs. VALUE of this output is then 0 %.
             INIT: bool;
-            /// Start value of the counter; determines the frequency.
+            /// Start value of the counter. It determines the frequency.
             RELOAD: u16;
             /// Makes the counter 64 times slower.
             DIV64: bool;
@@ -27,7 +27,7 @@ function_block! {
             DITHER_DIVIDER: u16;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -56,7 +56,7 @@ function_block! {
     /// A PWM output in percent (p. 94). A call with INIT or CHANGE gives an order.
     pub struct PWM100(jobs: Jobs) {
         in {
-            /// Makes PWM outputs of the four outputs of the group; then VALUE is 0 %.
+            /// Makes the four outputs of the group PWM outputs. VALUE of this output is then 0 %.
             INIT: bool;
             /// Frequency of the output in Hz.
             FREQUENCY: u16;
@@ -72,7 +72,7 @@ function_block! {
             DITHER_FREQUENCY: u16;
         }
         out {
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -110,7 +110,7 @@ function_block! {
         out {
             /// Measured frequency in Hz.
             F: u16;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -139,7 +139,7 @@ function_block! {
         out {
             /// Measured period in ms.
             C: u16;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;
@@ -176,7 +176,7 @@ function_block! {
             UP: bool;
             /// The counter has counted down.
             DOWN: bool;
-            /// The previous order has been answered; added by commram.
+            /// The previous order has been answered. commram has added this output.
             ANSWERED: bool;
         }
         internal: Order;

@@ -12,11 +12,12 @@ function_block! {
         in {
             /// Address of the variable.
             A: i32;
-            /// Format: a text with one of %d %u %o %x %X %f %e %E %g %G %C, with 0 after the last character.
+            /// Format: a text with one of %d %u %o %x %X %f %e %E %g %G %C. A 0 must follow the last
+            /// character.
             F: [u8; 80] = [0; 80];
         }
         out {
-            /// The text, with 0 after the last character; empty if `F` or `A` is wrong.
+            /// The text. A 0 follows its last character. The text is empty if `F` or `A` is wrong.
             STR: [u8; 80] = [0; 80];
         }
     }
@@ -33,7 +34,7 @@ impl STR {
     }
 }
 
-/// Returns the text of a variable; `variable` returns the given number of its bytes.
+/// Returns the text of a variable. `variable` returns as many bytes of the variable as its argument requests.
 fn formatted(form: &[u8], variable: impl Fn(u32) -> Option<Vec<u8>>) -> Option<Vec<u8>> {
     let Some(at) = form.iter().position(|byte| *byte == b'%') else { return Some(form.to_vec()) };
     let (before, rest) = form.split_at(at);
@@ -67,7 +68,8 @@ fn exponential(value: f32, decimals: usize, letter: char) -> String {
     format!("{digits}{letter}{sign}{exponent:0>2}")
 }
 
-/// Six digits without trailing zeros, with an exponent if the number is very small or large.
+/// Formats a number with six digits and without trailing zeros. A very small or large number gets an
+/// exponent.
 fn general(value: f32, letter: char) -> String {
     const DIGITS: i32 = 6;
     let text = exponential(value, 5, letter);

@@ -81,13 +81,15 @@ impl Firmware {
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::YES);
                 self.shared.restart();
             }
-            // Manual p. 28: after the command the device is not a CANopen node until the program switches CANopen on.
+            // Manual p. 28: after the command the device is not a CANopen node. It becomes a node when the
+            // program switches CANopen on.
             program::RESET => self.shared.restart(),
             _ => {}
         }
     }
 
-    /// Changes the state of the controller, and the state of the node if the device is one.
+    /// Changes the state of the controller. If the device is a CANopen node, also changes the state of the
+    /// node.
     fn go(&mut self, ctx: &mut Context, node: State, to: u32) {
         if self.node.state() != State::Initialising {
             self.node.set_state(node, ctx.now);

@@ -3,7 +3,7 @@
 use crate::devices::cs0015::ram::Registers;
 use serde::{Deserialize, Serialize};
 
-/// Time for writing 768 bytes, 16 at a time, and for reading them, in us (D-474).
+/// Time in us for writing 768 bytes, 16 bytes at a time (D-474). `READ_US` is the time for reading them.
 const WRITE_US: u64 = 480_000;
 const READ_US: u64 = 20_000;
 
@@ -27,20 +27,20 @@ struct Work {
     access: Access,
     /// Emulated time at which the function is finished, in microseconds.
     until: u64,
-    /// The flags at the start of a write.
+    /// The flags at the start of a write. This content is written.
     flags: Vec<u16>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Eeprom {
     work: Option<Work>,
-    /// Function that has ended and is still enabled.
+    /// Function that has ended, as long as it is still enabled.
     done: Option<Access>,
 }
 
 impl Eeprom {
-    /// Handles a call of a function. A function in progress continues to its end, enabled or not; the other function
-    /// waits for it.
+    /// Handles a call of a function. A function in progress continues to its end, even if it is no longer
+    /// enabled. The other function must wait for this end.
     pub(crate) fn call(&mut self, access: Access, is_enabled: bool, registers: &Registers, now: u64) -> u32 {
         if !is_enabled {
             self.done = self.done.filter(|done| *done != access);
@@ -66,7 +66,7 @@ impl Eeprom {
         self.work.as_ref().map_or(u64::MAX, |work| work.until)
     }
 
-    /// Ends a due function: only now the EEPROM, or the flags, get the new content.
+    /// Ends a function that is due. Only at this moment the EEPROM, or the flags, get the new content.
     pub(crate) fn due(&mut self, registers: &Registers, now: u64) {
         let Some(work) = self.work.take_if(|work| work.until <= now) else { return };
         let (flags, kept) = (&registers.function.a_FUNCTION, &registers.parameters);

@@ -9,7 +9,7 @@ pub(crate) const CYCLE: usize = 1;
 /// The interrupt program of 1 ms runs (p. 118).
 pub(crate) const INTERRUPT: usize = 2;
 
-/// Marks a request to start or stop the program; it is not an event.
+/// Marks an order to the program to start or stop. It is not an event.
 const ORDER: usize = 15;
 
 /// Returns the interrupt level of an event; `None` if the event does not exist.
@@ -21,7 +21,8 @@ pub(crate) fn level(event: usize) -> Option<u8> {
     }
 }
 
-/// Events that the port reports to the device, bit n for event n. The port counts the cycles of the program.
+/// Events that the port reports to the device, bit n for event n. The port needs to report them because it
+/// counts the cycles of the program.
 #[derive(Clone, Default)]
 pub(crate) struct Pulses(Arc<Mutex<u16>>);
 

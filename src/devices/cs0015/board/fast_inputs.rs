@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 /// Number of fast inputs.
 pub(crate) const INPUTS: usize = 4;
-/// Encoders: channels A and B at inputs 0 and 1, 2 and 3.
+/// Number of encoders. Their channels A and B are inputs 0 and 1, and inputs 2 and 3.
 pub(crate) const ENCODERS: usize = 2;
-/// A whole period of a signal, in millihertz times microseconds.
+/// A whole period of a signal. The unit is millihertz times microseconds.
 const PERIOD: u64 = 1_000_000_000;
 /// Longest time that `CYCLE` returns, in ms.
 const MOST_MS: u64 = 65_535;
@@ -18,14 +18,15 @@ struct Wave {
     mhz: u32,
     /// Start of the wave, in microseconds.
     since: u64,
-    /// Phase at the start, in parts of [`PERIOD`].
+    /// Phase at the start. The unit is that of [`PERIOD`].
     from: u64,
     /// Number of positive edges at the start.
     edges: u64,
 }
 
 impl Wave {
-    /// Returns the phase since the last edge before the start, in parts of [`PERIOD`].
+    /// Returns the phase at `now`, counted from the last edge before the start. The unit is that of
+    /// [`PERIOD`].
     fn phase(&self, now: u64) -> u64 {
         self.from + now.saturating_sub(self.since) * u64::from(self.mhz)
     }
@@ -52,13 +53,13 @@ impl Signal {
         }
     }
 
-    /// Returns the number of positive edges so far. For a time before the last two changes, returns the number at the
-    /// earlier change.
+    /// Returns the number of positive edges until `now`. If `now` is before the last two changes of the
+    /// frequency, returns the number at the earlier change.
     fn edges(&self, now: u64) -> u64 {
         if now < self.wave.since { self.before.edges(now) } else { self.wave.edges(now) }
     }
 
-    /// True if the signal is high, in the first half of each period; `None` without a signal.
+    /// True if the signal is high. It is high in the first half of each period. `None` if there is no signal.
     pub(crate) fn level(&self, now: u64) -> Option<bool> {
         (self.wave.mhz != 0).then(|| self.wave.phase(now) % PERIOD < PERIOD / 2)
     }
@@ -74,7 +75,7 @@ impl Signal {
 /// `CYCLE` at an input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Cycle {
-    /// Number of edges at the initialisation; `None` before.
+    /// Number of edges at the initialisation; `None` before the initialisation.
     from: Option<u64>,
     ms: u16,
 }
@@ -102,7 +103,7 @@ pub(crate) struct EncoderCount {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct FastInputs {
     pub signals: [Signal; INPUTS],
-    /// Encoders that turn backwards: B is ahead of A.
+    /// Encoders that turn backwards. Signal B is then ahead of signal A.
     pub is_backwards: [bool; ENCODERS],
     /// Time of the initialisation by `FREQUENCY`.
     frequencies: [Option<u64>; INPUTS],
@@ -128,8 +129,8 @@ impl FastInputs {
         levels
     }
 
-    /// Runs `FREQUENCY` (p. 97): returns positive edges within TIMEBASE, in Hz, of the last complete time base; 0
-    /// before.
+    /// Runs `FREQUENCY` (p. 97): returns the frequency in Hz, from the positive edges within the last
+    /// complete TIMEBASE. Returns 0 until the first TIMEBASE is complete.
     pub(crate) fn frequency(&mut self, input: u8, is_init: bool, base_us: u64, now: u64) -> u16 {
         let signal = &self.signals[usize::from(input)];
         let from = &mut self.frequencies[usize::from(input)];
@@ -137,7 +138,7 @@ impl FastInputs {
             *from = Some(now);
         }
         let Some(from) = *from else { return 0 };
-        // A late call gets the last complete time base.
+        // If the program calls late, it gets the value of the last complete time base.
         let base_us = base_us.max(1);
         let Some(last) = ((now - from) / base_us).checked_sub(1) else { return 0 };
         let begin = from + last * base_us;
@@ -145,7 +146,8 @@ impl FastInputs {
         u16::try_from((edges * 1_000_000 + base_us / 2) / base_us).unwrap_or(u16::MAX)
     }
 
-    /// Runs `CYCLE` (p. 98): returns the time between two positive edges in ms, after two edges.
+    /// Runs `CYCLE` (p. 98): returns the time in ms between two positive edges, as soon as there were two
+    /// edges.
     pub(crate) fn cycle(&mut self, input: u8, is_init: bool, now: u64) -> u16 {
         let signal = &self.signals[usize::from(input)];
         let it = &mut self.cycles[usize::from(input)];

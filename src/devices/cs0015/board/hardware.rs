@@ -27,7 +27,7 @@ pub(crate) struct Defects {
     pub has_wrong_voltage: bool,
     /// True if the temperature is above 85 degrees.
     pub is_hot: bool,
-    /// True if an error was found after which the device cannot continue.
+    /// True if the firmware has found an error after which the device cannot continue.
     pub is_fatal: bool,
     /// True if the CAN controller cannot be initialised.
     pub has_no_can: bool,
@@ -94,7 +94,7 @@ impl Hardware {
         self.face.front[FRONT_STATE].load()
     }
 
-    /// True if an operating system is running that can find faults.
+    /// True if an operating system is running, so that faults can be found.
     fn is_at_work(&self) -> bool {
         matches!(self.state(), state::RESET | state::RUN | state::STOP)
     }
@@ -119,7 +119,7 @@ impl SnapshotFields for Hardware {
 
 impl Firmware for Hardware {
     fn start(&mut self, _: &mut Context) {
-        // The parameters are stored before the port reads them.
+        // The port will read the parameters, so they must be stored first.
         self.retained.keep();
         self.shared.change(|defects| (defects.is_fatal, defects.has_been_erased) = (false, false));
     }
@@ -162,7 +162,7 @@ impl Firmware for Hardware {
                 let is_new = !self.shared.defects().is_fatal;
                 is_new.then(|| self.shared.change(|defects| defects.is_fatal = true))?;
             }
-            // The conditions of these effects are present while the fault is active.
+            // While such a fault is active, its effect is a condition. Nothing has to be done at its start.
             Effect::ShortCircuit(_)
             | Effect::WireBreak(_)
             | Effect::Supply(_)

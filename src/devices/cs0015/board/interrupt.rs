@@ -1,4 +1,4 @@
-//! The interrupt program of 1 ms (p. 118): event 2, and its inputs and outputs in each run.
+//! The interrupt program of 1 ms (p. 118). Each run is event 2, and has separate inputs and outputs.
 
 use super::events::{INTERRUPT, Pulses};
 use super::peripherals::Peripherals;
@@ -23,12 +23,12 @@ impl Interrupt {
         self.next = is_on.then_some(now + PERIOD_US);
     }
 
-    /// Returns the time of the next run; `u64::MAX` if it is off.
+    /// Returns the time of the next run; `u64::MAX` if the interrupt program is off.
     pub(crate) fn next_time(&self) -> u64 {
         self.next.unwrap_or(u64::MAX)
     }
 
-    /// If the next run is due, writes the outputs of the last run and reads the inputs for the next one.
+    /// If the next run is due, writes the outputs of the previous run and reads the inputs for the next run.
     pub(crate) fn due(
         &mut self,
         registers: &Registers,

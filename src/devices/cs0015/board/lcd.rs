@@ -1,4 +1,5 @@
-//! The display: five digits of 7 segments, three letters of 14, decimal points, eight fixed texts (p. 12, 100-105).
+//! The display: five digits of 7 segments, three letters of 14 segments, decimal points, eight fixed texts
+//! (p. 12, 100-105).
 
 use serde::{Deserialize, Serialize};
 
@@ -8,10 +9,10 @@ pub(crate) const PLACES: usize = 8;
 pub(crate) const DIGITS: usize = 5;
 /// Number of letters on the display, after the digits.
 pub(crate) const LETTERS: usize = PLACES - DIGITS;
-/// Character for an unreadable lit digit, and for any lit letter (D-473).
+/// Character for a lit digit that shows no readable character, and for any lit letter (D-473).
 const UNREADABLE: u8 = b'*';
 
-/// Readable characters on 7 segments: bit 0 is e, then f, d, g, a, unused, c, b (p. 101).
+/// Readable characters on 7 segments. From bit 0 on, the bits are e, f, d, g, a, unused, c, b (p. 101).
 const READABLE: [(u8, u8); 25] = [
     (0b1101_0111, b'0'),
     (0b1100_0000, b'1'),
@@ -39,7 +40,7 @@ const READABLE: [(u8, u8); 25] = [
     (0b0000_1000, b'-'),
     (0b0000_0000, b' '),
 ];
-/// Bit 5 of a digit is not used.
+/// Mask of the segments of a digit. Bit 5 is not used.
 const SEGMENTS: u8 = !(1 << 5);
 
 /// Content of the display.
@@ -51,9 +52,9 @@ pub(crate) struct Lcd {
     pub digits: [u8; DIGITS],
     /// Segments of the letters.
     pub letters: [u16; LETTERS],
-    /// Blinking places, digit 1 in bit 0, letter 1 in bit 5.
+    /// Digits and letters that blink: bit 0 is digit 1, bit 5 is letter 1.
     pub blink: u8,
-    /// The fixed texts: CH1 in bit 0, then CH2, CH3, CH4, RUN, PRG, TST, KEY.
+    /// The fixed texts; from bit 0 on: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
     pub states: u8,
     /// Decimal points, digit 1 in bit 0.
     pub points: u8,
@@ -93,7 +94,7 @@ mod tests {
 
     #[test]
     fn readable_segments_are_shown_as_characters() {
-        // 1 is b and c, 8 all segments, 7 a, b and c; bit 5 is not used.
+        // 1 consists of b and c, 8 of all segments, 7 of a, b and c. Bit 5 is not used.
         let lcd = Lcd::segments([0xC0, 0xDF, 0xD0 | 0x20, 0, 0x04], [0, 0x4000, 0]);
         assert_eq!(&lcd.text, b"187 * * ");
         assert_eq!((lcd.digits[2], lcd.letters[1]), (0xF0, 0x4000));

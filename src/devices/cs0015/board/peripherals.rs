@@ -45,7 +45,7 @@ pub(crate) struct Peripherals {
 snapshot_fields!(Peripherals {
     values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
-    // The port has reported all findings before its call ends, so a snapshot contains none.
+    // The port reports all findings before its call ends. So there are no findings when a snapshot is taken.
     built: findings
 });
 
@@ -71,8 +71,8 @@ impl Peripherals {
         self.findings.extend(self.watch.look(registers));
     }
 
-    /// Returns inputs 0 to 15 as the program reads them: the level of a signal, if there is one; inputs from 4 on are
-    /// filtered.
+    /// Returns inputs 0 to 15 as the program reads them. If an input has a signal, its value is the level of
+    /// the signal. Inputs from 4 on are filtered.
     pub(crate) fn inputs(&self, registers: &Registers, now: u64) -> u16 {
         let (levels, there) = self.fast_inputs.levels(now);
         self.slow_inputs.levels(terminals(registers)) & !there | levels
@@ -90,7 +90,7 @@ impl Peripherals {
         self.eeprom.due(registers, now);
     }
 
-    /// Shows the display and the PWM outputs, which are on if `is_driven`.
+    /// Updates the registers of the display and of the PWM outputs. The PWM outputs are on if `is_driven`.
     pub(crate) fn show(&mut self, registers: &Registers, is_driven: bool) {
         let shown = Some((self.pwm, self.lcd, is_driven));
         if core::mem::replace(&mut self.shown, shown) == shown {

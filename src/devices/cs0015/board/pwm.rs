@@ -7,19 +7,19 @@ use serde::{Deserialize, Serialize};
 pub(crate) const CHANNELS: usize = 8;
 /// Number of channels in a group.
 const GROUP: usize = 4;
-/// Highest frequency in Hz that the outputs follow (p. 91).
+/// Highest frequency in Hz that the outputs can follow (p. 91).
 const USEFUL_HZ: u32 = 200;
-/// Highest frequency in Hz; higher values are limited to it (p. 92, 94).
+/// Highest frequency in Hz. Higher values are limited to it (p. 92, 94).
 const MOST_HZ: u32 = 10_000;
 /// Counts per second of both groups with DIV64 (p. 88, 90).
 const DIVIDED_HZ: u32 = 156_250;
 
-/// Group of channels. The groups differ in their way of counting.
+/// Group of channels. The counters of the two groups count in different directions.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Group {
-    /// Channels 0 to 3: count from RELOAD down to 0; each has its own frequency.
+    /// Channels 0 to 3: the counter counts from RELOAD down to 0. Each channel has its own frequency.
     Down,
-    /// Channels 4 to 7: the counter counts from RELOAD up to FFFFh, and all four channels have one frequency.
+    /// Channels 4 to 7: the counter counts from RELOAD up to FFFFh. All four channels have one frequency.
     Up,
 }
 
@@ -69,7 +69,8 @@ impl PwmCounter {
         PwmCounter { reload: group.reload(group.counts(reload).max(least)), is_divided }
     }
 
-    /// Creates the settings for a frequency in Hz, with DIV64 if the counter's range would be too small (p. 88, 90).
+    /// Creates the settings for a frequency in Hz. If the range of the counter is too small for it, sets
+    /// DIV64 (p. 88, 90).
     fn of_hz(group: Group, hz: u16) -> Self {
         let hz = u32::from(hz).clamp(1, MOST_HZ);
         let counts = |is_divided| group.counts_hz(is_divided) / hz;
@@ -97,8 +98,8 @@ impl PwmCounter {
         }
     }
 
-    /// Returns the duty cycle of an output with this VALUE, in 0.01 %; a value outside the range counts as the nearer
-    /// limit.
+    /// Returns the duty cycle of an output with this VALUE, in 0.01 %. If the value is outside the range, the
+    /// nearer limit is used.
     fn duty(self, group: Group, value: u16) -> u32 {
         let (off, on) = self.ends(group);
         let value = value.clamp(off.min(on), off.max(on));
@@ -113,12 +114,12 @@ enum Function {
     Pwm100,
 }
 
-/// Faults of an initialisation, which takes effect nevertheless.
+/// Mistakes in an initialisation. The initialisation still takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Misuse {
-    /// True if `PWM` and `PWM100` are mixed on channels 4 to 7.
+    /// True if a program uses both `PWM` and `PWM100` for channels 4 to 7.
     pub is_mixed: bool,
-    /// True if the frequency differs from the present one of channels 4 to 7.
+    /// True if the frequency differs from the present frequency of channels 4 to 7.
     pub has_other_frequency: bool,
     /// True if the outputs cannot follow the frequency.
     pub is_too_fast: bool,
@@ -133,7 +134,8 @@ pub(crate) struct Pwm {
 }
 
 impl Pwm {
-    /// Handles `PWM` with INIT (p. 92): the channel is at 0 %, and its group has PWM outputs from now on.
+    /// Handles `PWM` with INIT (p. 92). From now on the channel has 0 %, and all outputs of its group are PWM
+    /// outputs.
     pub(crate) fn init(&mut self, channel: u8, reload: u16, is_divided: bool) -> Misuse {
         let channel = usize::from(channel);
         self.start(channel, Function::Pwm, PwmCounter::new(Group::of(channel), reload, is_divided))
@@ -169,13 +171,14 @@ impl Pwm {
         }
     }
 
-    /// Changes the ratio of a channel: block `PWM` with input CHANGE (CS0015 p. 92). No effect before the channel's
-    /// group was initialised.
+    /// Changes the ratio of a channel: block `PWM` with input CHANGE (CS0015 p. 92). Has no effect until the
+    /// channel's group is initialised.
     pub(crate) fn set(&mut self, channel: u8, value: u16) {
         self.put(channel.into(), |_, _| value);
     }
 
-    /// Changes the ratio in percent: block `PWM100` with input CHANGE (CS0015 p. 94); more than 100 counts as 100.
+    /// Changes the ratio in percent: block `PWM100` with input CHANGE (CS0015 p. 94). A value above 100
+    /// counts as 100.
     pub(crate) fn set_percent(&mut self, channel: u8, percent: u8) {
         self.put(channel.into(), |clock, group| clock.value(group, percent));
     }
@@ -203,7 +206,7 @@ impl Pwm {
         self.clock(channel).map_or(0, |clock| clock.duty(Group::of(channel), self.values[channel]))
     }
 
-    /// Returns the frequency of a channel in Hz, 0 before its initialisation.
+    /// Returns the frequency of a channel in Hz; 0 until its initialisation.
     pub(crate) fn hz(&self, channel: usize) -> u32 {
         self.clock(channel).map_or(0, |clock| clock.hz(Group::of(channel)))
     }

@@ -1,5 +1,5 @@
-//! Data that a CS0015 keeps without supply in addition to its retain flags: the parameters saved automatically by p.
-//! 155, and the EEPROM.
+//! Data that a CS0015 keeps without supply in addition to its retain flags: the EEPROM, and the parameters
+//! that p. 155 lists as saved automatically.
 
 use crate::devices::cs0015::canopen::communication::{is_cob_id, is_node, is_rate};
 use crate::devices::cs0015::registers::values::loaded;
@@ -12,7 +12,8 @@ use zerocopy::IntoBytes;
 
 /// Length of the parameters.
 const BYTES: usize = size_of::<CS0015_PARAMETERS>();
-/// Number of bytes that are compared to detect a change: all except the EEPROM, which has a counter of its writes.
+/// Number of bytes that are compared to detect a change. The EEPROM is not compared, because a counter counts
+/// its writes.
 const HEAD: usize = offset_of!(CS0015_PARAMETERS, a_EEPROM);
 
 /// Returns the area of the parameters.
@@ -37,7 +38,8 @@ impl SnapshotFields for Retained {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // The number of changes is increased, because the file of NOVRAM has the values from before the restoration.
+        // The change of the number makes the emulator write the NOVRAM file again. The file still has the
+        // values from before the restoration.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -55,14 +57,14 @@ impl Retained {
         (&self.stored, self.generation)
     }
 
-    /// Stores the parameters when they have changed (p. 155). An invalid value of a parameter is replaced by the stored
-    /// one (D-661).
+    /// Stores the parameters when they have changed (p. 155). If the value of a parameter is invalid,
+    /// replaces it by the stored value (D-661).
     pub(crate) fn keep(&mut self) {
         if self.has_changed() {
             self.put_back();
         }
         if self.has_changed() {
-            // This cannot fail: source and destination are arrays of one size by their definitions.
+            // Source and destination are arrays of equal size by definition, so the copy cannot fail.
             let _ = self.parameters.snapshot().write_to(&mut self.stored);
             self.generation = self.generation.wrapping_add(1);
         }
@@ -70,12 +72,12 @@ impl Retained {
 
     fn has_changed(&self) -> bool {
         let mut head = [0; HEAD];
-        // Cannot fail: the range is in the image.
+        // The range is in the image, so this cannot fail.
         let _ = self.segment.read_range(PARAMETERS, &mut head);
         !self.stored.starts_with(&head)
     }
 
-    /// Replaces invalid values in the registers by the stored values. 0 is the factory setting.
+    /// Replaces invalid values in the registers by the stored values. 0 means the factory setting.
     fn put_back(&self) {
         let CS0015_PARAMETERS {
             d_COB_ID_SYNC,

@@ -1,10 +1,11 @@
-//! The RS 232 interface while it belongs to the program (`SERIAL_MODE`): bytes in order, at 9600 baud (p. 7, 112-114).
+//! The RS 232 interface, while the program uses it (`SERIAL_MODE`). It transmits bytes in order, at 9600 baud
+//! (p. 7, 112-114).
 
 use crate::devices::cs0015::registers::CS0015_PERIPHERALS;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Most received bytes (p. 113), and most bytes to send (D-475).
+/// Maximum number of received bytes (p. 113), and of bytes to send (D-475).
 const ROOM: usize = 1000;
 /// Duration of a byte on the line, with start and stop bit, in us.
 const BYTE_US: u64 = 1_042;
