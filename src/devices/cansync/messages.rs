@@ -1,7 +1,8 @@
 //! Descriptions of all frames of a CANsync bus, for bus databases.
 //!
-//! The words of process data depend on mappings that programs set at run time, so they stay words. Parameter jobs and
-//! up-/downloads have one identifier for each slave; bit 7 of the first byte distinguishes them.
+//! The descriptions contain the words of process data as words only, because programs set their mapping to
+//! values at run time. Parameter jobs and up-/downloads have one identifier for each slave; bit 7 of the
+//! first byte distinguishes them.
 
 use super::frames::{Channel, FrameKind, LAST_SLAVE};
 use crate::can::{BitOrder, Message, Presence, Signal};
@@ -13,8 +14,8 @@ const MASTER: &str = "master";
 const PARAMETER: Presence = Presence::If(0);
 const UP_DOWNLOAD: Presence = Presence::If(1);
 
-/// Returns the frames of all 32 slave numbers, whether or not such a slave is on the bus: a master may request any of
-/// them.
+/// Returns the frames of all 32 slave numbers, even if the bus has no such slave: a master may send requests
+/// to any number.
 pub(super) fn all() -> Vec<Message> {
     let action = vec![
         low("slave_group", 0, 32, "Bit n: the command is for slave n"),
@@ -96,8 +97,8 @@ fn response() -> Vec<Signal> {
     signals
 }
 
-/// Signal for the parameter number, or for the length or offset of an up-/download. It consists of bits 3 to 0 of the
-/// first byte, then of the second byte.
+/// Signal for the parameter number, or for the length or offset of an up-/download. It consists of bits 3 to
+/// 0 of the first byte, followed by the second byte.
 fn number() -> Signal {
     Signal {
         order: BitOrder::HighFirst,
@@ -105,7 +106,8 @@ fn number() -> Signal {
     }
 }
 
-/// Returns the words from a bit on to the end of the frame; a short frame ends earlier.
+/// Returns the words from bit `first_bit` to the end of the longest frame. A shorter frame ends before the
+/// last words.
 fn words(first_bit: u8) -> Vec<Signal> {
     (1..)
         .zip((first_bit..64).step_by(16))

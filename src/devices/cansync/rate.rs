@@ -2,8 +2,9 @@
 
 use crate::layout::Provenance;
 
-/// Baud rate, interval and slot times of a CANsync bus that belong together. Times `t_` are microseconds after the SYNC
-/// edge and give the latest start of that frame. The layout of each device contains the table of these times.
+/// Baud rate of a CANsync bus, with its interval and slot times. A time with the prefix `t_` is the latest
+/// start of a frame in microseconds after the SYNC edge. The layout of each device contains the table of
+/// these times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(non_snake_case)]
 pub struct BaudRate {
@@ -15,7 +16,7 @@ pub struct BaudRate {
     pub b_BT_0: u8,
     /// Bit timing register 1 of the CAN controller.
     pub b_BT_1: u8,
-    /// Interval in milliseconds, as the register `b_TIME_PATTERN` has it.
+    /// Interval in milliseconds, as in register `b_TIME_PATTERN`.
     pub b_TIME_PATTERN: u8,
     /// Reference value frame 1.
     pub t_WRC1: u32,
@@ -41,13 +42,14 @@ pub struct BaudRate {
     pub max_bus_m: u16,
 }
 
-/// Time at which the firmware begins to build a frame, in microseconds after the start of the event task. Values must
-/// be released before.
+/// Time at which the firmware begins to build a frame, in microseconds after the start of the event task. The
+/// program must release the values before this time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Deadline {
-    /// Values released before this time are in time.
+    /// Values that are released before this time are in time.
     pub earliest: u32,
-    /// Values released at this time or later are late. Equal to `earliest` where no other limit applies.
+    /// Values that are released at this time or later are late. If no other limit applies, `latest` equals
+    /// `earliest`.
     pub latest: u32,
     /// Source of the times.
     pub source: Provenance,

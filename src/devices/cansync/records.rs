@@ -133,7 +133,7 @@ pub enum OmittedFrame {
 }
 
 impl OmittedFrame {
-    /// Short name as used on the bus: `WRC1`.
+    /// Returns the short name of the frame on the bus: `WRC1`.
     fn frame(self) -> String {
         match self {
             OmittedFrame::ReferenceValue(channel) => format!("WRC{channel}"),

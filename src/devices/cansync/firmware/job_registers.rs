@@ -10,9 +10,10 @@ use crate::memory::Cell8;
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
     pub(super) status: &'a Cell8,
-    /// Offset of the control register in the node's area, for the journal.
+    /// Offset of the control register in the node's area. The journal needs it.
     pub(super) offset: usize,
-    /// True for a job of the master. While bit 0 is set, more answers to the same request follow (p. 165, 167).
+    /// True for a job of the master. As long as bit 0 of its control register is set, further answers to one
+    /// request follow (p. 165, 167).
     pub(super) is_masters: bool,
 }
 
@@ -27,16 +28,16 @@ impl JobRegisters<'_> {
         self.change(ctx, |_| new);
     }
 
-    /// Changes bits of both registers without losing simultaneous writes of the PLC.
+    /// Changes bits of both registers. Simultaneous writes of the PLC to other bits are not lost.
     pub(super) fn change(&self, ctx: &mut Context, change: impl Fn(u8) -> u8) {
         self.status.update(&change);
         let seen = self.control.update(&change);
         self.report(ctx, seen, change(seen));
     }
 
-    /// Replaces `seen` by `new`: first in the status register, then in the control register. Returns true if the
-    /// control register still held `seen`. Otherwise the PLC has entered another value in the meantime, and this value
-    /// stays.
+    /// Replaces `seen` by `new`: first in the status register, then in the control register. Returns true if
+    /// the control register still contained `seen`. Otherwise the PLC has entered another value in the
+    /// meantime, and the control register keeps that value.
     pub(super) fn replace(&self, ctx: &mut Context, seen: u8, new: u8) -> bool {
         self.status.store(new);
         match self.control.compare_exchange(seen, new) {

@@ -26,8 +26,8 @@ use serde::{Deserialize, Serialize};
 /// Start of the cyclic area, after the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
-/// Slave number in a reference value frame that requests no actual values. The seven bits of the identifier can name
-/// more than the 32 possible slaves (decision D-25).
+/// Slave number in a reference value frame that requests no actual values. The seven bits of the identifier
+/// allow more numbers than the 32 possible slaves (decision D-25).
 const NO_SLAVE: u8 = 0x7F;
 
 /// A reference value frame that was built and waits for its slot.
@@ -35,7 +35,7 @@ const NO_SLAVE: u8 = 0x7F;
 pub struct Built {
     /// The frame that was built, including its identifier.
     pub frame: Frame,
-    /// Number of used words; building takes 15 us for each.
+    /// Number of used words. The firmware needs 15 us for each word to build the frame.
     pub used_words: u8,
 }
 
@@ -78,7 +78,7 @@ impl Master {
         })
     }
 
-    /// Switches the power on; `omega_nr` is the number set at the DIP switches.
+    /// Switches the power on; `omega_nr` is the number at the DIP switches.
     pub fn power_on(&mut self, omega_nr: u8) {
         self.regs.reset_from(0);
         self.node.power_on(omega_nr);
@@ -100,7 +100,7 @@ impl Master {
         self.node.shown_state()
     }
 
-    /// Returns the slot times, once initialization data were taken over.
+    /// Returns the slot times; `None` until the node has taken over initialization data.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
     }
@@ -116,7 +116,7 @@ impl Master {
         self.node.init().is_some_and(|init| init.sync == SyncSource::Forwarded)
     }
 
-    /// Handles an edge of `signal` that this master passes on to its bus.
+    /// Handles an edge of `signal`, which this master passes on to its bus.
     #[inline]
     pub fn passes_sync_on(&mut self, ctx: &mut Context, signal: SyncSignal) {
         self.node.judge_sync(ctx, signal);
@@ -140,7 +140,7 @@ impl Master {
         self.node.control_changed()
     }
 
-    /// Returns true if processor cycles have no work.
+    /// Returns true if processor cycles have nothing to do.
     pub fn is_quiescent(&self) -> bool {
         self.node.is_quiescent()
     }
@@ -191,10 +191,10 @@ impl Master {
         self.commands.next_interval(max);
     }
 
-    /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with 16#05.
-    /// Otherwise the frame is omitted in this interval, together with its actual value request. The journal reports
-    /// this unless the frame is unused: no word is assigned, and the PLC has not released it since active operation
-    /// began.
+    /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with
+    /// 16#05. Otherwise this interval has neither the frame nor its actual value request. The journal reports
+    /// this, unless the frame is unused: no word is assigned, and the PLC has not released the frame since
+    /// active operation began.
     pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {
         if !self.is_exchanging() {
             return None;
@@ -221,7 +221,8 @@ impl Master {
         Some(Built { frame, used_words: built.used_words })
     }
 
-    /// Acknowledges a built frame: 16#05 becomes 16#04, unless the PLC has written another value in the meantime.
+    /// Acknowledges a frame that was built: 16#05 becomes 16#04, unless the PLC has written another value in
+    /// the meantime.
     pub fn acknowledge_reference(&mut self, ctx: &mut Context, channel: Channel) {
         let offset = match channel {
             Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
@@ -230,8 +231,8 @@ impl Master {
         acknowledge(ctx, self.control_register(channel), offset);
     }
 
-    /// Returns the frame for the command channel of this interval, if any. Its job counts as sent from now on (decision
-    /// D-40).
+    /// Returns the frame for the command channel of this interval, if there is one. The job in the frame
+    /// counts as sent from now on (decision D-40).
     #[inline]
     pub fn command(&mut self, ctx: &mut Context) -> Option<Frame> {
         if !self.node.is_connected() {
@@ -239,15 +240,15 @@ impl Master {
         }
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
-            // A PLC may enable active operation before the first command slot. The master must still send the slaves
-            // the order to synchronize (decision D-38).
+            // A PLC may enable active operation before the first command slot. The master must still order
+            // the slaves to synchronize (decision D-38).
             (NodeState::Active, _) => self.polling.announcement().or_else(|| self.job(ctx)),
             _ => None,
         }
     }
 
-    /// Returns the job of this interval. Like process data, jobs begin with the first whole interval of active
-    /// operation (decision D-31).
+    /// Returns the job of this interval. Jobs begin with the first interval that is completely in active
+    /// operation, as process data do (decision D-31).
     #[inline]
     fn job(&mut self, ctx: &mut Context) -> Option<Frame> {
         if self.is_exchanging() { self.commands.frame(ctx, &self.regs) } else { None }
@@ -269,7 +270,7 @@ impl Master {
         self.polling.no_response(ctx, &self.regs);
     }
 
-    /// Handles an actual value frame: stores the words in `a_RD_BMARRAY` first, then the acknowledgements.
+    /// Handles an actual value frame: first stores the words in `a_RD_BMARRAY`, then the acknowledgements.
     pub fn actual_value(&mut self, channel: Channel, slave: u8, frame: &Frame) {
         if !self.is_exchanging() || !self.node.accepts(frame.id()) {
             return;
@@ -286,13 +287,13 @@ impl Master {
         self.node.go_bus_off()
     }
 
-    /// Loses the arriving frame to an overrun, up to [`Master::frame_is_past`]. Returns true if the node would have
-    /// received the frame.
+    /// Makes the node lose the arriving frame in an overrun, until [`Master::frame_is_past`]. Returns true if
+    /// the node would have received the frame.
     pub fn overrun(&mut self) -> bool {
         self.node.overrun()
     }
 
-    /// Ends the overrun: the lost frame has passed.
+    /// Ends the overrun, because the lost frame has ended.
     pub fn frame_is_past(&mut self) {
         self.node.controller.frame_is_past();
     }
@@ -305,7 +306,8 @@ impl Master {
     }
 }
 
-/// Replaces 16#05 by 16#04 in a register with this handshake. Returns true if the register still held 16#05.
+/// Replaces 16#05 by 16#04 in a register with this handshake. Returns true if the register still contained
+/// 16#05.
 pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) -> bool {
     let acknowledged = register.compare_exchange(send::RELEASED, send::SENT).is_ok();
     if acknowledged {

@@ -40,9 +40,9 @@ pub enum NodeState {
     WaitingForInit,
     /// 16#0003, waiting for start.
     WaitingForStart,
-    /// 16#0013 on a slave, 16#0043 on a master.
+    /// Set-up mode: 16#0013 on a slave, 16#0043 on a master.
     SetUp,
-    /// 16#0020 on a slave, 16#0080 on a master.
+    /// Active operation: 16#0020 on a slave, 16#0080 on a master.
     Active,
 }
 
@@ -51,11 +51,11 @@ pub enum NodeState {
 pub enum Change {
     /// The program has not changed the register.
     None,
-    /// The node was restarted; the bus is released.
+    /// The node was restarted. It no longer uses the bus.
     Restarted,
-    /// The node took a step towards set-up mode that does not affect the bus.
+    /// The node has made a step towards set-up mode that does not affect the bus.
     Progressed,
-    /// Initialization data were taken over. The cyclic area must be cleared before 16#0003 is shown.
+    /// Initialization data were taken over. The cyclic area must be cleared before the node shows 16#0003.
     SetUpStarted,
     /// Active operation was enabled.
     Enabled,
@@ -75,7 +75,8 @@ pub(super) struct Node {
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
-    /// True if this node passes on a SYNC signal with another interval than that of the node's bus (decision D-282).
+    /// True if this node passes on a SYNC signal with an interval that differs from the interval of the
+    /// node's bus (decision D-282).
     sync_is_unlike: bool,
     /// True if the last poll changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
     is_settled: bool,
@@ -138,7 +139,8 @@ impl Node {
         })
     }
 
-    /// Switches the power on: shows the number set at the DIP switches. All other registers hold their reset values.
+    /// Switches the power on: shows the number at the DIP switches. All other registers contain their reset
+    /// values.
     pub(super) fn power_on(&mut self, omega_nr: u8) {
         self.is_settled = false;
         self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
@@ -157,7 +159,8 @@ impl Node {
         self.state
     }
 
-    /// Returns the facts for the access checker. `deadlines` has the deadlines of the node's two process data frames.
+    /// Returns the facts that the access checker needs. `deadlines` has the deadlines of the node's two
+    /// process data frames.
     #[inline]
     pub(super) fn facts(&self, deadlines: [DeadlineTracker; 2]) -> Facts {
         let ordered = || {
@@ -183,7 +186,7 @@ impl Node {
         }
     }
 
-    /// Returns the initialization data that were taken over; `None` before the takeover.
+    /// Returns the initialization data that the node has taken over; `None` before that.
     #[inline]
     pub(super) fn init(&self) -> Option<&InitData> {
         self.init.as_ref()
@@ -195,20 +198,20 @@ impl Node {
         matches!(self.state, NodeState::SetUp | NodeState::Active)
     }
 
-    /// Returns true if the PLC has written `w_CPU_CONTROL` since the last poll. Used for busy polling.
+    /// Returns true if the PLC has written `w_CPU_CONTROL` since the last poll.
     #[inline]
     pub(super) fn control_changed(&self) -> bool {
         self.orders.is_waiting(&self.regs.w_CPU_CONTROL)
     }
 
-    /// Returns true if the CAN controller takes part in bus traffic, as far as the PLC permits.
+    /// Returns true if the CAN controller takes part in bus traffic, provided that the PLC permits it.
     #[inline]
     pub(super) fn is_connected(&self) -> bool {
         self.controller.is_connected()
     }
 
-    /// Returns true if a frame with this identifier is received: it reaches the controller and passes the acceptance
-    /// filter.
+    /// Returns true if the node receives a frame with this identifier: the frame reaches the controller and
+    /// passes the acceptance filter.
     #[inline]
     pub(super) fn accepts(&self, identifier: u16) -> bool {
         self.is_connected() && self.init.as_ref().is_some_and(|init| init.accepts(identifier))
@@ -220,7 +223,8 @@ impl Node {
         self.is_on_bus() && self.controller.go_off()
     }
 
-    /// Loses the arriving frame to an overrun. Returns true if the node would have received the frame.
+    /// Makes the node lose the arriving frame in an overrun. Returns true if the node would have received the
+    /// frame.
     pub(super) fn overrun(&mut self) -> bool {
         self.is_settled = false;
         self.is_on_bus() && self.controller.overrun()
@@ -233,9 +237,10 @@ impl Node {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
     }
 
-    /// Returns true if a poll now would change only the traffic bits of `w_CANsync_STATUS`. `is_seen`: no register was
-    /// written since the last poll. Otherwise the registers that a poll reads or refreshes are compared. While the node
-    /// waits for initialization data, a poll reads more registers than these, so `is_seen` decides alone.
+    /// Returns true if a poll now would change only the traffic bits of `w_CANsync_STATUS`. `is_seen`: no
+    /// register was written since the last poll. If `is_seen` is false, the registers that a poll reads or
+    /// refreshes are compared. While the node waits for initialization data, a poll reads more registers than
+    /// these, so only `is_seen` decides.
     #[inline]
     pub(super) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
         self.is_settled

@@ -1,17 +1,17 @@
-//! Reads `w_CPU_CONTROL`. The value is a permanent command, not a handshake; the firmware clears only bit 7 (manual
-//! 5.00005.03a p. 149-150, 174).
+//! Reads `w_CPU_CONTROL`. The value of this register is a permanent command, not a handshake. The firmware
+//! clears only bit 7 (manual 5.00005.03a p. 149-150, 174).
 
 use super::NodeLocation;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::memory::{Cell16, FirmwareHeader, MemoryError, Segment, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Reader of the PLC's orders in the register.
+/// Reader of the PLC's orders in `w_CPU_CONTROL`.
 pub(super) struct Orders {
     face: FirmwareHeader,
     /// Index of the node in the header page.
     node: usize,
-    /// Last value seen, so that an ignored command is reported once.
+    /// Value at the last poll. A comparison with it ensures that an ignored command is reported only once.
     seen: u16,
     /// True if the register contains 16#0000 because the firmware has cleared bit 7 of 16#0080. This 16#0000 is not a
     /// restart (decision D-29).
@@ -26,17 +26,17 @@ pub(super) struct Orders {
 pub(super) struct Order {
     /// Value of the register, without bit 7.
     pub value: u16,
-    /// True if the register was written since the last poll, as far as the value shows it.
+    /// True if the value shows that the register was written since the last poll.
     pub is_new: bool,
-    /// True if bit 7 was set; it is cleared now.
+    /// True if bit 7 was set. The firmware has now cleared it.
     pub with_reset: bool,
 }
 
 impl SnapshotFields for Orders {
     fn save(&self, to: &mut Saving) {
         let Self { face: _, node: _, seen, left_behind, restarts } = self;
-        // The counter in the header page is not restored, so the snapshot has the number of restarts that were not seen
-        // yet.
+        // The counter in the header page is not restored. So the snapshot contains the number of restarts
+        // that the firmware has not seen yet.
         to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
     }
 
@@ -81,8 +81,8 @@ impl Orders {
     pub(crate) fn take(&mut self, register: &Cell16) -> Order {
         let (value, restarts, with_reset) = loop {
             let value = register.load();
-            // The counter is read between the load and the exchange. It then includes all restarts that were written
-            // before this value. A later write makes the exchange fail.
+            // The counter is read after the load and before the exchange. So it includes all restarts that
+            // were written before this value. If the register is written later, the exchange fails.
             let restarts = self.restarts_written();
             let rest = value & !cpu_control::RESET_CONTROLLER;
             if rest == value {
@@ -103,8 +103,9 @@ impl Orders {
     }
 }
 
-/// Notes a write of `bytes` bytes at `offset` by address. If the bytes include the `w_CPU_CONTROL` of one of the nodes
-/// at `locations`, the value 16#0000 is a restart, even if the register held 16#0000 before (decision D-29).
+/// Notes that `bytes` bytes at `offset` were written by address. If these bytes include the `w_CPU_CONTROL`
+/// of one of the nodes at `locations`, the value 16#0000 is a restart, even if the register contained 16#0000
+/// before (decision D-29).
 pub(crate) fn note_restarts(
     segment: &Segment,
     face: &FirmwareHeader,

@@ -1,8 +1,9 @@
 //! Parameter jobs of the master's PLC (manual 5.00005.03a p. 164-166).
 //!
-//! A job is stored only in the registers, and is read again at each turn of its slave. An answer is accepted only if
-//! the registers still contain the job that was sent. So the PLC can change or withdraw a job at any time. A job
-//! without an answer is sent again when the master polls the slave again (decision D-11).
+//! A job is stored only in the registers. The firmware reads it again each time the master polls the slave of
+//! the job. The firmware accepts an answer only if the registers still contain the job that was sent. So the
+//! PLC can change or withdraw a job at any time. A job without an answer is sent again when the master polls
+//! the slave again (decision D-11).
 
 use super::job_registers::JobRegisters;
 use crate::can::Payload;
@@ -42,8 +43,8 @@ impl<'a> Area<'a> {
         })
     }
 
-    /// Returns the job in `control` and the data registers, or the error number that refuses it (decision D-41).
-    /// `w_SUBSL_ADR` is reserved: jobs address the slave itself.
+    /// Returns the job in `control` and the data registers, or the error number of the reason to refuse it
+    /// (decision D-41). `w_SUBSL_ADR` is reserved: jobs address the slave itself.
     fn entered(&self, control: u8) -> Result<ParameterJob, u16> {
         let access = match (control & par_job_master::READ != 0, control & par_job_master::WRITE != 0) {
             (true, false) => Access::Read,
@@ -62,19 +63,21 @@ impl<'a> Area<'a> {
         self.data.d_PAR_VALUE.show(ctx, offset, value);
     }
 
-    /// Ends the job in `control` with an error number. Bit 3 goes off as at a successful end (D-42).
+    /// Ends the job in `control` with an error number. Bit 3 is cleared, as at the end of a successful job
+    /// (D-42).
     fn fail(&self, ctx: &mut Context, control: u8, number: u16) {
         self.show_value(ctx, u32::from(number));
         self.job.replace(ctx, control, ended(control) | par_job_master::ERROR);
     }
 }
 
-/// Returns the bits that stay in a control register at the end of its job: the requested access.
+/// Returns the bits that remain in a control register at the end of its job: the requested access.
 const fn ended(control: u8) -> u8 {
     control & !(par_job_master::ACTIVE | par_job_master::SENT | par_job_master::BUSY | par_job_master::ERROR)
 }
 
-/// Returns the job to send to `slave` now, if one is entered. Jobs that cannot be sent end at once.
+/// Returns the job to send to `slave` now, if the PLC has entered one. A job that cannot be sent ends at
+/// once.
 #[inline]
 pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<ParameterJob> {
     let area = Area::of(regs, slave)?;
@@ -95,7 +98,8 @@ pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8
     }
 }
 
-/// Handles the answer of `slave` to `job`. An answer that does not fit is ignored like a missing one.
+/// Handles the answer of `slave` to `job`. An answer that does not fit the job is ignored, as if no answer
+/// had come.
 pub(super) fn answered(
     ctx: &mut Context,
     regs: &CANsync_MA_CTRL_BMSTRUCT,
@@ -106,7 +110,8 @@ pub(super) fn answered(
     const UNDER_WAY: u8 = par_job_master::ACTIVE | par_job_master::SENT;
     let Some(area) = Area::of(regs, slave) else { return };
     let control = area.job.control.load();
-    // If bit 3 is off, the PLC has entered a new job, which may be equal to the old job.
+    // If bit 3 is clear, the PLC has entered a new job. This is possible even if the new job equals the old
+    // job.
     if control & UNDER_WAY != UNDER_WAY || area.entered(control) != Ok(*job) {
         return;
     }
@@ -116,7 +121,7 @@ pub(super) fn answered(
         ParameterResult::Busy => control | par_job_master::BUSY,
         ParameterResult::Error(number) => return area.fail(ctx, control, number),
         ParameterResult::Done => end,
-        // The answer decides the format, independent of the request (p. 165).
+        // The answer determines the format, independent of the requested format (p. 165).
         ParameterResult::Word(value) => {
             area.show_value(ctx, u32::from(value));
             end & !par_job_master::DOUBLEWORD

@@ -1,9 +1,9 @@
 //! The set-up mode of the master: orders all slaves to synchronize and reads their status words.
 //!
-//! Manual 5.00005.03a p. 134, 168. The command channel carries one frame per interval: first the action command "SYNC
-//! mode: on" (decision D-06), then one read job on parameter 121 (status word) for each expected slave in ascending
-//! order. Then the sequence starts again (decision D-30), so that the master also finds a slave that is switched on
-//! late.
+//! Manual 5.00005.03a p. 134, 168. The command channel carries one frame per interval. The first frame is the
+//! action command "SYNC mode: on" (decision D-06). Then one read job on parameter 121 (status word) follows
+//! for each expected slave, in ascending order. Then the sequence starts again (decision D-30), so that the
+//! master also finds a slave that is switched on late.
 
 use crate::devices::Context;
 use crate::devices::cansync::frames::Frame;
@@ -51,7 +51,7 @@ impl Polling {
         *self = Polling::new();
     }
 
-    /// Returns "SYNC mode: on" if it was not sent since the start.
+    /// Returns "SYNC mode: on" if this command has not been sent since the start.
     pub(super) fn announcement(&mut self) -> Option<Frame> {
         if self.announced { None } else { Some(self.sync_mode_on()) }
     }
@@ -108,7 +108,7 @@ impl Polling {
             ParameterResult::Doubleword(value) if value & u32::from(drive_status::SYNCHRONIZED) != 0 => {
                 stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
             }
-            // Busy: the slave responds. The next poll requests its status word again.
+            // BUSY shows that the slave responds. The next poll requests its status word again.
             ParameterResult::Busy => {
                 stat_sl::RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & stat_sl::SYNCHRONIZED
             }
@@ -117,7 +117,7 @@ impl Polling {
         show(ctx, regs, slave, status);
     }
 
-    /// Called when t_RSPTO is over and no answer has begun: the requested slave does not respond.
+    /// Called when t_RSPTO has passed and no answer has begun: the requested slave does not respond.
     pub(super) fn no_response(&mut self, ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) {
         if let Some(slave) = self.asked.take() {
             show(ctx, regs, slave, 0);

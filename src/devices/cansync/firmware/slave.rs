@@ -42,12 +42,13 @@ pub struct Slave {
     jobs: Jobs,
     /// Configuration of the reference value frames as read at the start of the interval.
     config: [FrameConfig; 2],
-    /// Own actual value frames, built and released for this interval.
+    /// Own actual value frames that were built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
     /// True if the present interval began with its SYNC edge. The slave can then send its actual value frames in time.
     has_edge: bool,
-    /// Time in microseconds at which the interval ends if no next edge comes and no loss of an edge is reported.
+    /// Time in microseconds at which the interval ends if neither the next edge comes nor the loss of an edge
+    /// is reported.
     interval_ends: u64,
     interval_us: u32,
     /// Deadlines of the two actual value frames.
@@ -61,7 +62,8 @@ snapshot_fields!(Slave {
 });
 
 impl Slave {
-    /// Creates the slave at `location` of `segment` with slave number `number`; `lock` has its rules for synchronizing.
+    /// Creates the slave with slave number `number` at `location` of `segment`. `lock` contains its rules for
+    /// synchronizing.
     ///
     /// # Errors
     /// The memory segment is too small for the slave.
@@ -110,7 +112,7 @@ impl Slave {
         self.node.state()
     }
 
-    /// Returns the slot times, once initialization data were taken over.
+    /// Returns the slot times; `None` until the node has taken over initialization data.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
     }
@@ -121,8 +123,8 @@ impl Slave {
         self.node.facts(self.deadlines)
     }
 
-    /// Returns true if the node listens at `kbit_s`: in set-up mode or active operation at the same baud rate, and not
-    /// BUS-off.
+    /// Returns true if the node receives frames at `kbit_s`: it is in set-up mode or active operation at this
+    /// baud rate, and is not BUS-off.
     #[inline]
     pub fn hears(&self, kbit_s: u16) -> bool {
         self.node.is_on_bus()
@@ -140,19 +142,20 @@ impl Slave {
         self.node.go_bus_off()
     }
 
-    /// Loses the arriving frame to an overrun, up to [`Slave::frame_is_past`]. Returns true if the node would have
-    /// received the frame.
+    /// Makes the node lose the arriving frame in an overrun, until [`Slave::frame_is_past`]. Returns true if
+    /// the node would have received the frame.
     pub fn overrun(&mut self) -> bool {
         self.node.overrun()
     }
 
-    /// Ends the overrun: the lost frame has passed.
+    /// Ends the overrun, because the lost frame has ended.
     pub fn frame_is_past(&mut self) {
         self.node.controller.frame_is_past();
     }
 
-    /// Handles a SYNC edge that was due at `now` and was lost on the line. A locked node runs through this interval
-    /// without its actual value frames. For any other node there is no interval (decision D-124).
+    /// Handles a SYNC edge that was due at `now` and was lost on the line. A locked node runs through this
+    /// interval, but does not send its actual value frames. A node that is not locked has no interval
+    /// (decision D-124).
     pub fn edge_lost(&mut self, now: u64) {
         if self.lock.runs_through(now) {
             self.ready = [None; 2];
@@ -164,7 +167,8 @@ impl Slave {
         self.lock.pass(now);
     }
 
-    /// Returns the latest time of the next edge; a later edge means that edges are missing.
+    /// Returns the latest possible time of the next edge. If no edge has come until this time, edges are
+    /// missing.
     fn longest_interval(&self, now: u64) -> u64 {
         now + u64::from(self.interval_us) * 3 / 2
     }
@@ -186,7 +190,7 @@ impl Slave {
         self.lock.is_locked()
     }
 
-    /// Returns true if processor cycles would change nothing. A node that is not on the bus has no jobs either.
+    /// Returns true if processor cycles would change nothing. A node that is not on the bus also has no jobs.
     pub fn is_quiescent(&self) -> bool {
         self.node.is_quiescent() && !self.interval_is_active && !self.lock.is_locked()
     }
@@ -224,9 +228,9 @@ impl Slave {
         self.jobs.drop_all(ctx, &self.regs);
     }
 
-    /// Ends the interval if SYNC is missing, because there are no deadlines and no frames without SYNC. The state of
-    /// the node stays as the PLC has set it. Jobs also stay in their registers: their answers wait until the master
-    /// repeats or changes the job (decision D-64).
+    /// Ends the interval if SYNC is missing: without SYNC there are no deadlines and no frames. The state of
+    /// the node remains as the PLC has set it. Jobs also remain in their registers: their answers wait until
+    /// the master repeats or changes the job (decision D-64).
     fn watch_signal(&mut self, now: u64) {
         self.lock.pass(now);
         if now > self.interval_ends {
@@ -239,7 +243,8 @@ impl Slave {
         self.ready = [None; 2];
     }
 
-    /// Handles a falling edge of SYNC: an interval begins and the configuration is read (manual p. 178).
+    /// Handles a falling edge of SYNC: an interval begins, and the firmware reads the configuration (manual
+    /// p. 178).
     pub fn sync_edge(&mut self, now: u64, interval_us: u32) {
         self.lock.edge(now, interval_us, interval_us / 4);
         self.interval_us = interval_us;
@@ -255,13 +260,14 @@ impl Slave {
         self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::new);
     }
 
-    /// Returns the number of words of reference value frame 1 that this slave takes. Processing takes 15 us for each.
+    /// Returns the number of words that this slave takes from reference value frame 1. The firmware needs 15
+    /// us for each word.
     pub fn words_taken(&self) -> u8 {
         self.config[Channel::One.index()].used_words()
     }
 
-    /// Handles the deadline of an own actual value frame (manual p. 181-182): builds the frame if the PLC has released
-    /// it with 16#05, and acknowledges with 16#04.
+    /// Handles the deadline of an own actual value frame (manual p. 181-182). Builds the frame if the PLC has
+    /// released it with 16#05, and acknowledges the release with 16#04.
     pub fn build_actual(&mut self, ctx: &mut Context, channel: Channel) {
         if !self.is_exchanging() || !self.has_edge {
             return;
@@ -286,7 +292,7 @@ impl Slave {
         acknowledge(ctx, register, offset);
     }
 
-    /// Handles a reference value frame: stores the words first, then 16#02 in the status register.
+    /// Handles a reference value frame: first stores the words, then 16#02 in the status register.
     pub fn reference_value(&mut self, channel: Channel, frame: &Frame) {
         if !self.is_exchanging() || !self.node.accepts(frame.id()) {
             return;
@@ -322,7 +328,8 @@ impl Slave {
         }
     }
 
-    /// Handles an action command. The registers show only commands with this slave's bit (manual p. 188).
+    /// Handles an action command. The registers show a command only if it has this slave's bit (manual p.
+    /// 188).
     pub fn action(&mut self, ctx: &mut Context, frame: &Frame, command: &ActionCommand) {
         if !self.node.accepts(frame.id()) || !command.concerns(self.number) {
             return;
@@ -374,12 +381,13 @@ impl Slave {
         self.jobs.response(ctx, &self.regs)
     }
 
-    /// Ends the answer after it was sent completely.
+    /// Ends the answer, because it was sent completely.
     pub fn response_sent(&mut self, ctx: &mut Context) {
         self.jobs.response_sent(ctx, &self.regs);
     }
 
-    /// Bit 15 is set if the node is synchronized (p. 136). The firmware has no information for the other bits.
+    /// Returns the status word. Bit 15 is set if the node is synchronized (p. 136). The firmware has no
+    /// information about the other bits.
     fn status_word(&self) -> u16 {
         if self.lock.is_locked() { drive_status::SYNCHRONIZED } else { 0 }
     }

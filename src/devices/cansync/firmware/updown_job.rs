@@ -1,8 +1,8 @@
 //! Up- and downloads of the master's PLC in block 1 (manual 5.00005.03a p. 141-143, 166-168).
 //!
-//! An init frame announces address and length. Then blocks of six bytes travel at the offsets 0, 6, 12 ...; the last
-//! one has a separate mode. The master repeats the same frame whenever it polls the slave, until the slave answers
-//! without BUSY. If the PLC enters another job during a transfer, the transfer restarts.
+//! An init frame announces address and length. Then blocks of six bytes travel at the offsets 0, 6, 12 ...;
+//! the last block has a separate mode. The master repeats a frame each time it polls the slave, until the
+//! slave answers without BUSY. If the PLC enters another job during a transfer, the transfer restarts.
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
@@ -43,7 +43,7 @@ impl EnteredJob {
         }
     }
 
-    /// Returns the error number of a job that is refused before any request to the slave (decision D-43).
+    /// Returns an error number if the job must be refused before any request to the slave (decision D-43).
     fn refusal(&self) -> Option<u16> {
         if self.length > MAX_LENGTH {
             Some(updown_error::LENGTH)
@@ -69,7 +69,7 @@ enum TransferPhase {
 struct Transfer {
     order: EnteredJob,
     phase: TransferPhase,
-    /// Value of the control register as stored by this firmware.
+    /// Value that this firmware has last stored in the control register.
     control: u8,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct BlockJob {
 }
 
 impl BlockJob {
-    /// Returns the job to send now, on the turn of slave number `turn`.
+    /// Returns the job to send now, when the master polls slave number `turn`.
     #[inline]
     pub(super) fn next(
         &mut self,
@@ -115,8 +115,9 @@ impl BlockJob {
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
 
-    /// Returns true if the PLC has cancelled a job before its first frame was sent. The slave has not received the job,
-    /// so it need not be notified. The time slot for a notification might never come (decision D-601).
+    /// Returns true if the PLC has cancelled a job before its first frame was sent. The slave has not
+    /// received the job, so it need not be notified. The firmware also cannot wait for a slot to notify the
+    /// slave, because this slot might never come (decision D-601).
     fn is_cancelled_unsent(&self, control: u8) -> bool {
         const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
         let is_under_way =
@@ -124,8 +125,9 @@ impl BlockJob {
         !is_under_way && control & STATE == updown_master::ACTIVE | updown_master::CANCEL
     }
 
-    /// Handles the slave's answer to `job`. An answer that does not fit is ignored like a missing one. Only the number
-    /// of another block than the sent one ends the transfer.
+    /// Handles the slave's answer to `job`. An answer that does not fit the job is ignored, as if no answer
+    /// had come. There is one exception: an answer with the number of another block than the block that was
+    /// sent ends the transfer.
     pub(super) fn answered(
         &mut self,
         ctx: &mut Context,
@@ -177,7 +179,7 @@ enum Progress {
 }
 
 impl Transfer {
-    /// Returns the next frame and the mode that the registers show with it.
+    /// Returns the next frame, and the mode that the registers show during this frame.
     fn job(&self, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<(u8, UpDownJob)> {
         let EnteredJob { direction, address, sub_slave, length, .. } = self.order;
         let (mode, offset, step) = match self.phase {
@@ -209,7 +211,8 @@ impl Transfer {
     ) -> Progress {
         match self.phase {
             TransferPhase::Init => {
-                // The slave may set the length of an upload; otherwise it answers 0 (p. 141 note a).
+                // In the answer to the init frame of an upload, the slave may set the length. If it does not,
+                // the length in the answer is 0 (p. 141 note a).
                 if self.order.direction == Direction::Upload && answered != 0 {
                     if answered > MAX_LENGTH {
                         return Progress::Failed(updown_error::LENGTH);
@@ -242,7 +245,7 @@ const fn block_end(offset: u16) -> u16 {
     offset.saturating_add(BLOCK as u16)
 }
 
-/// Takes over an entered job, or refuses it.
+/// Takes over a job that the PLC has entered, or refuses it.
 fn begin(
     ctx: &mut Context,
     regs: &CANsync_MA_CTRL_BMSTRUCT,
@@ -259,7 +262,7 @@ fn begin(
     Some(Transfer { order, phase: TransferPhase::Init, control })
 }
 
-/// Returns the bits that stay in a control register at the end of its job: direction and mode.
+/// Returns the bits that remain in a control register at the end of its job: direction and mode.
 const fn ended(control: u8) -> u8 {
     control & !(updown_master::ACTIVE | updown_master::SENT | updown_master::BUSY | updown_master::ERROR)
 }

@@ -1,4 +1,5 @@
-//! The configuration bytes of a frame's four words: the same in each structure that contains them.
+//! The configuration bytes of a frame's four words. They have the same form in each structure that contains
+//! them.
 
 use crate::devices::cansync::frames::Channel;
 use crate::devices::cansync::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};

@@ -6,8 +6,9 @@ use crate::can::Payload;
 use embedded_can::{Id, StandardId};
 use serde::{Deserialize, Serialize};
 
-/// A data frame on the simulated bus. CANsync has no remote frames and no 29-bit identifiers, so this type is smaller
-/// than a [`can::Frame`], to which it can be converted. Journals hold many frames.
+/// A data frame on the simulated bus. CANsync has no remote frames and no 29-bit identifiers. So this type is
+/// smaller than a [`can::Frame`], to which it can be converted. The size matters because journals contain
+/// many frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     id: u16,
@@ -15,7 +16,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Creates a frame with identifier `id` (0..=0x7FF) and `data` (0..=8 bytes); `None` outside these ranges.
+    /// Creates a frame with identifier `id` (0..=0x7FF) and `data` (0..=8 bytes). `None` if one of them is
+    /// out of range.
     pub fn new(id: u16, data: &[u8]) -> Option<Self> {
         if id > 0x7FF {
             return None;
@@ -73,7 +75,7 @@ pub enum FrameLength {
 }
 
 impl FrameLength {
-    /// Returns the process data frame to send, given one that ends with its last used word.
+    /// Returns the process data frame to send. `frame` must end with its last used word.
     #[inline]
     pub const fn of(self, frame: Frame) -> Frame {
         match self {

@@ -1,6 +1,6 @@
 //! The CANsync bus: frames, identifiers, codecs, timing.
 //!
-//! Everything here is pure: no I/O, no allocation, no clock. [`Frame`] is a transmitted frame, [`FrameKind`] the
+//! This module uses no I/O, no allocation and no clock. [`Frame`] is a transmitted frame, [`FrameKind`] the
 //! meaning of its identifier, [`codec`] the meaning of its data bytes, [`wire`] its duration on the bus, and
 //! [`SyncLock`] the synchronization of a slave.
 

@@ -1,14 +1,14 @@
 //! Synchronization of a slave to the SYNC signal (manual 5.00005.03a p. 134-135).
 //!
-//! The same rule applies to drives with a CANsync card, to slave nodes of PLCs, and to a drive at a BAPS, which uses
-//! the signal of the trigger controller. Locking requires an uninterrupted sequence of edges (decision D-07). A locked
-//! slave continues by its own clock through intervals without an edge, until the signal has been missing for a settable
-//! time.
+//! One rule applies to drives with a CANsync card, to slave nodes of PLCs, and to a drive at a BAPS, which
+//! uses the signal of the trigger controller. A slave becomes locked after an uninterrupted sequence of edges
+//! (decision D-07). A locked slave continues by its own clock through intervals without an edge, until the
+//! signal has been missing for a configurable time.
 
 use crate::snapshot_fields;
 
-/// Returns true if an edge comes in time, this long after the previous one: with a tolerance of a quarter of the
-/// interval.
+/// Returns true if an edge comes in time `distance_us` after the previous edge. The tolerance is a quarter of
+/// the interval.
 #[inline]
 pub(crate) const fn is_in_time(distance_us: u64, interval_us: u32) -> bool {
     distance_us.abs_diff(interval_us as u64) <= (interval_us / 4) as u64
@@ -22,7 +22,8 @@ pub struct SyncLock {
     loss_us: Option<u64>,
     wanted: bool,
     locked: bool,
-    /// First edge of the present uninterrupted sequence, while not locked.
+    /// Time of the first edge of the present uninterrupted sequence. Valid only while the slave is not
+    /// locked.
     since: Option<u64>,
     /// The last accepted edge.
     last: u64,
@@ -32,9 +33,9 @@ pub struct SyncLock {
 snapshot_fields!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
 
 impl SyncLock {
-    /// Creates a lock. It is reached after `lock_time_us` of uninterrupted SYNC signal and lost after `loss_us`
-    /// without SYNC (`None`: two and a half intervals). A value below two and a quarter intervals counts as two and a
-    /// quarter, because one lost edge must not end the lock (p. 135).
+    /// Creates a lock. The slave becomes locked after `lock_time_us` of uninterrupted SYNC signal. The lock
+    /// ends after `loss_us` without SYNC (`None`: two and a half intervals). A value below two and a quarter
+    /// intervals counts as two and a quarter, because one lost edge must not end the lock (p. 135).
     #[must_use]
     pub const fn new(lock_time_us: u64, loss_us: Option<u64>) -> Self {
         SyncLock { lock_time_us, loss_us, wanted: false, locked: false, since: None, last: 0, interval_us: 0 }
@@ -51,8 +52,9 @@ impl SyncLock {
     /// Handles a falling edge at `now_us`. The signal is expected every `interval_us`, with a tolerance of
     /// `tolerance_us`.
     ///
-    /// While locking, an edge that is too early or too late restarts the sequence. An existing lock stays. An edge at
-    /// the wrong time does not count for the lock, so the time without SYNC continues (decision D-125).
+    /// While the slave is not locked, an edge that is too early or too late restarts the sequence. Such an
+    /// edge does not end an existing lock, but it also does not count for the lock: the time without SYNC
+    /// continues (decision D-125).
     #[inline]
     pub fn edge(&mut self, now_us: u64, interval_us: u32, tolerance_us: u32) {
         let (interval, tolerance) = (u64::from(interval_us), u64::from(tolerance_us));
@@ -83,8 +85,8 @@ impl SyncLock {
         self.locked = now_us.saturating_sub(since) >= self.lock_time_us;
     }
 
-    /// Handles an edge like [`SyncLock::edge`], but only an edge in time ([`is_in_time`]) while the lock is locked.
-    /// Otherwise returns false and has no effect.
+    /// Handles an edge like [`SyncLock::edge`] if the slave is locked and the edge is in time
+    /// ([`is_in_time`]). Otherwise returns false and has no effect.
     #[inline]
     pub(crate) fn take_regular_edge(&mut self, now_us: u64, interval_us: u32) -> bool {
         let in_time = is_in_time(now_us.saturating_sub(self.last), interval_us);
@@ -95,21 +97,21 @@ impl SyncLock {
         is_regular
     }
 
-    /// Handles several further regular edges. Each edge is in time after the previous one, and the last one is at
-    /// `now_us`.
+    /// Handles several further regular edges. Each edge is in time after the previous edge, and the last edge
+    /// is at `now_us`.
     #[inline]
     pub(crate) fn has_gone_on(&mut self, now_us: u64) {
         self.last = now_us;
     }
 
-    /// Advances the clock. The signal may have been missing for too long.
+    /// Advances the clock to `now_us`. If the signal has been missing for too long, the lock ends.
     pub fn pass(&mut self, now_us: u64) {
         if self.lost_at().is_some_and(|time| time <= now_us) {
             self.unlock();
         }
     }
 
-    /// Returns the time at which the lock will be lost if no edge comes; `None` without a lock.
+    /// Returns the time at which the lock will end if no edge comes; `None` without a lock.
     #[must_use]
     pub fn lost_at(&self) -> Option<u64> {
         let least = self.interval_us * 9 / 4;
@@ -117,14 +119,14 @@ impl SyncLock {
         self.locked.then(|| self.last.saturating_add(loss))
     }
 
-    /// Returns true if the slave runs through an interval that begins at `now_us` without its edge: the slave is
-    /// locked, and this is the first missing edge.
+    /// Returns true if the slave runs through an interval that begins at `now_us` without its edge. This is
+    /// the case if the slave is locked, and this is the first missing edge.
     #[must_use]
     pub fn runs_through(&self, now_us: u64) -> bool {
         self.locked && now_us.saturating_sub(self.last) < self.interval_us * 7 / 4
     }
 
-    /// Ends the lock. Locking restarts with the next edge.
+    /// Ends the lock. The next edge begins a new sequence for locking.
     pub fn unlock(&mut self) {
         self.locked = false;
         self.since = None;
@@ -144,7 +146,8 @@ impl SyncLock {
     }
 }
 
-/// Returns true if an edge `distance` after the last accepted one is at an expected time, with lost edges in between.
+/// Returns true if an edge `distance` after the last accepted edge is at an expected time, although edges
+/// between them were lost.
 fn is_in_step(distance: u64, interval: u64, tolerance: u64) -> bool {
     let Some(remainder) = distance.checked_rem(interval) else { return false };
     distance + tolerance >= interval && remainder.min(interval - remainder) <= tolerance
@@ -166,7 +169,7 @@ mod tests {
         (from..=to).step_by(INTERVAL as usize).find(|&now| edge(lock, now))
     }
 
-    /// Returns a lock that needs 10 ms, locked with its last edge at 10 ms.
+    /// Returns a lock with a lock time of 10 ms. It is locked, and its last edge was at 10 ms.
     fn locked(loss_us: Option<u64>) -> SyncLock {
         let mut lock = SyncLock::new(10_000, loss_us);
         lock.set_mode(true);

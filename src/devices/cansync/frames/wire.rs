@@ -1,4 +1,4 @@
-//! Duration of a frame and of its occupation of the bus, on the clock of the plant.
+//! Duration of a frame and of its occupation of the bus, in microseconds of the plant's clock.
 
 use super::Frame;
 use crate::can::wire;
@@ -6,9 +6,10 @@ use crate::can::wire;
 /// Duration of a frame from its start bit, in microseconds, rounded up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Airtime {
-    /// Duration to the end of the end-of-frame field, when the receivers have the frame.
+    /// Duration from the start bit to the end of the end-of-frame field. At this time the receivers have the
+    /// frame.
     pub delivery_us: u32,
-    /// Duration to the end of the intermission, when the next frame may begin.
+    /// Duration from the start bit to the end of the intermission. At this time the next frame may begin.
     pub occupation_us: u32,
 }
 
@@ -24,7 +25,8 @@ pub fn airtime(frame: &Frame, kbit_s: u32) -> Airtime {
 
 #[inline]
 fn bits_to_us(bits: u32, kbit_s: u32) -> u32 {
-    // Constant divisors for the usual rates: a general division would take as long as the rest.
+    // The divisors are constants for the usual rates: a division by a variable would take as long as the rest
+    // of the function.
     match kbit_s {
         1000 => bits,
         500 => bits * 2,

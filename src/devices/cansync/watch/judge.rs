@@ -17,12 +17,12 @@ use crate::journal::{Finding, Journal, Rule};
 use crate::layout::RegisterPhase;
 use core::mem::offset_of;
 
-/// Largest number of a value that a mapping can name.
+/// Largest number of a value in a mapping.
 const LAST_VALUE: u32 = 7;
 
 /// Bit 0 of the control register of every job.
 const ACTIVE: u8 = par_job_master::ACTIVE;
-/// Bit 7 of the control register of every job that has it.
+/// Bit 7 of the control register of a job. Not every kind of job has it.
 const RESET: u8 = updown_master::CANCEL;
 /// Bits of a parameter job that select the access.
 const PARAMETER_COMMAND: u8 = par_job_master::READ | par_job_master::WRITE | par_job_master::DOUBLEWORD;
@@ -43,12 +43,12 @@ pub(super) struct Judge<'a> {
     pub facts: &'a Facts,
     pub registers: &'a Registers,
     pub journal: &'a mut Journal,
-    /// Set to true when the mapping was changed.
+    /// The judge sets this to true when a write changes the mapping.
     pub unsettled: &'a mut bool,
 }
 
 impl Judge<'_> {
-    /// Reports a violation at the register at `offset` in the node.
+    /// Reports a rule violation at the register at `offset` in the node.
     pub(crate) fn report_violation(&mut self, rule: &'static Rule, offset: usize, value: u32) {
         self.report_late(rule, offset, value, 0);
     }
@@ -59,8 +59,8 @@ impl Judge<'_> {
         self.journal.find(self.now, finding);
     }
 
-    /// Checks a write that changed a register from `before` to `after`. Both are equal if a write through the channel
-    /// changed no value.
+    /// Checks a write that changed a register from `before` to `after`. The two values are equal if the write
+    /// came through the channel and changed no value.
     pub(crate) fn write(&mut self, register: &WatchedRegister, before: u32, after: u32) {
         let offset = usize::from(register.offset);
         match register.kind {
@@ -68,7 +68,8 @@ impl Judge<'_> {
             RegisterUse::Reserved => {
                 return self.report_violation(&check::rules::RESERVED_REGISTER, offset, after);
             }
-            // While the node waits for its start, a program may still try to initialize it.
+            // While the node waits for its start, a program may write these addresses because it still tries
+            // to initialize the node.
             RegisterUse::ReservedUnderInit if !self.facts.is_on_bus => {
                 return self.report_violation(&rules::AFTER_INIT, offset, after);
             }
@@ -97,7 +98,7 @@ impl Judge<'_> {
             RegisterUse::Block => self.block(offset, was, is),
             RegisterUse::BlockData(is_data) => self.block_data(is_data, offset, after),
             RegisterUse::SlaveJob => {
-                // The application ends the job or confirms a change.
+                // The application has ended the job, or has confirmed a change.
                 let acted = was & ACTIVE & !is | is & RESET & !was;
                 if acted != 0 && (is ^ self.status_of(offset)) & (ACTIVE | RESET) != 0 {
                     self.report_violation(&rules::ORDER, offset, after);
@@ -144,12 +145,13 @@ impl Judge<'_> {
         }
     }
 
-    /// Returns the status register of a job, which follows its control register.
+    /// Returns the status register of a job. Its address follows that of the control register.
     fn status_of(&self, control: usize) -> u8 {
         self.registers.now(control + 1)
     }
 
-    /// Checks that a job for `slave` gets a turn. `polling` is the register that selects the slave.
+    /// Checks that the master polls `slave`, so that a job for this slave is sent. `polling` is the register
+    /// that selects the slave.
     fn polled(&mut self, polling: usize, slave: u8, offset: usize) {
         if !self.facts.is_active {
             return;
@@ -164,8 +166,9 @@ impl Judge<'_> {
         self.report_violation(rule, offset, self.registers.now(offset).into());
     }
 
-    /// Checks a write to data of a frame. A program may write them only while the frame's request is not pending.
-    /// `control` is the control register with the request, which was written before the data.
+    /// Checks a write to the data of a frame. A program may write them only while no request for the frame is
+    /// pending. `control` is the control register with the request. If it contains a request now, the program
+    /// has written it before the data.
     fn request_data(&mut self, control: usize, offset: usize, after: u32) {
         let waits = |value: u8| value == send::RELEASED;
         if self.facts.is_active
@@ -187,7 +190,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Handles a new job: bit 0 is set, and the Send bit, which the firmware sets, is clear.
+    /// Checks a new job: bit 0 is set, and the firmware has not yet set the bit `sent`.
     fn entered(&mut self, offset: usize, was: u8, is: u8, sent: u8) {
         if is & (ACTIVE | sent) != ACTIVE {
             return;
@@ -210,7 +213,8 @@ impl Judge<'_> {
         let control = offset_of!(Master, a_CTRLREG_PAR_CMD_SL)
             + usize::from(slave) * size_of::<CTRLREG_PAR_CMD_SL>()
             + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
-        // Only the firmware writes the value of a read job, so a change by the program matters only in a write job.
+        // In a read job, only the firmware writes the value. So a change by the program matters only in a
+        // write job.
         let matters = !is_value || self.registers.now(control) & par_job_master::WRITE != 0;
         if matters && self.is_untouched(control, par_job_master::SENT) {
             self.report_violation(&rules::JOB_CHANGED, offset, after);
@@ -235,7 +239,8 @@ impl Judge<'_> {
 
     fn block_data(&mut self, is_data: bool, offset: usize, after: u32) {
         let control = offset_of!(Master, b_STEUREG_UPDOWNBLK1);
-        // Only the firmware writes the data of an upload, so a change by the program matters only in a download.
+        // In an upload, only the firmware writes the data. So a change by the program matters only in a
+        // download.
         let matters = !is_data || self.registers.now(control) & updown_master::DOWNLOAD != 0;
         if matters && self.is_untouched(control, updown_master::SENT) {
             self.report_violation(&rules::JOB_CHANGED, offset, after);
@@ -243,7 +248,8 @@ impl Judge<'_> {
     }
 }
 
-// The rules for jobs use one set of constants, so these bits must have equal meanings in all kinds of jobs.
+// The rules for jobs use these constants for all kinds of jobs. So the bits must have equal meanings in all
+// of them.
 const _: () = assert!(
     updown_master::ACTIVE == ACTIVE && par_job_slave::ACTIVE == ACTIVE && updown_slave::ACTIVE == ACTIVE
 );

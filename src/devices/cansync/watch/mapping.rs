@@ -1,5 +1,5 @@
-//! Rules about the mapping of frames as a whole. A program writes a mapping byte by byte, so it is checked only when
-//! the firmware takes it over.
+//! Rules about the mapping of whole frames. A program writes a mapping byte by byte, so the checker checks
+//! the mapping only when the firmware takes it over.
 
 use super::judge::Judge;
 use crate::devices::cansync::registers::values::{cfg_word, request};
@@ -29,11 +29,12 @@ pub(super) fn judge(judge: &mut Judge) {
     }
 }
 
-/// Finds values with halves in different frames: one half only in one frame, the other half only in the other frame.
+/// Finds values with halves in different frames: one frame contains only one half of the value, and the other
+/// frame only the other half.
 fn split_doublewords(judge: &mut Judge, group: usize) {
     let config: [u8; WORDS] = core::array::from_fn(|word| judge.registers.now(group + word));
-    // For each frame two bit sets of values: the values with their low word in the frame, and the values with their
-    // high word in the frame.
+    // For each frame, two bit sets of values: the values that have their low word in the frame, and the
+    // values that have their high word in the frame.
     let mut halves = [[0u8; 2]; 2];
     for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & cfg_word::ASSIGNED != 0) {
         halves[word / 4][usize::from(byte & cfg_word::HIGH_WORD != 0)] |= value_bit(*byte);
@@ -49,13 +50,13 @@ fn split_doublewords(judge: &mut Judge, group: usize) {
     }
 }
 
-/// Returns the bit of the value with the number in a configuration byte; 0 for numbers above 7.
+/// Returns the bit of the value that a configuration byte selects. The result is 0 for value numbers above 7.
 fn value_bit(byte: u8) -> u8 {
     let number = (byte & cfg_word::NUMBER) >> cfg_word::NUMBER.trailing_zeros();
     1u8.checked_shl(number.into()).unwrap_or(0)
 }
 
-/// Finds expected slaves that automatic requests for actual values never reach.
+/// Finds expected slaves that the automatic requests for actual values never reach.
 fn requests(judge: &mut Judge) {
     let orders = [offset_of!(Master, b_CTRLREG_RD_ORDER_RDC1), offset_of!(Master, b_CTRLREG_RD_ORDER_RDC2)];
     let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));

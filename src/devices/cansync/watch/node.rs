@@ -51,8 +51,8 @@ impl Registers {
         }
     }
 
-    /// Stores the last bytes of the initialization structure as the baseline. These bytes share a word with the
-    /// following structure.
+    /// Stores the last bytes of the initialization structure as the baseline. The next structure begins in
+    /// the same word, so only a part of this word is stored.
     #[inline]
     fn copy_end_of_init(&mut self) {
         const FOLLOWING: u64 = u64::MAX << (8 * (INIT_BYTES as usize % WORD));
@@ -71,8 +71,8 @@ impl Registers {
         }
     }
 
-    /// Collects the indices of those of the first `words` words that differ from the baseline, with their present
-    /// values.
+    /// Collects those of the first `words` words that differ from the baseline. Each entry consists of the
+    /// index and the present value.
     #[inline]
     fn compare(&self, words: usize, changed: &mut Vec<(usize, u64)>) {
         if let Some(now) = self.now.get(..words) {
@@ -113,17 +113,17 @@ pub(in crate::devices::cansync) struct NodeWatch {
     maps: Arc<RegisterMaps>,
     registers: Registers,
     live: RegisterPhase,
-    /// Words that differ from the baseline. The field exists to reuse its memory.
+    /// Words that differ from the baseline. This is a field only so that its memory is used again.
     changed: Vec<(usize, u64)>,
-    /// True if the mapping was changed. The checker judges the mapping when the firmware takes it over.
+    /// True if the mapping was changed. The checker checks the mapping when the firmware takes it over.
     unsettled: bool,
 }
 
 snapshot_fields!(NodeWatch { values: live, unsettled; parts: registers; built: plc, base, maps, changed });
 
 impl NodeWatch {
-    /// Creates the checker of the node in `area` of PLC `plc`. The registers must have their values after the last run
-    /// of the firmware.
+    /// Creates the checker of the node in `area` of PLC `plc`. At this moment the registers must have their
+    /// values after the last run of the firmware.
     ///
     /// # Errors
     /// The memory segment is too small for the node.
@@ -161,8 +161,8 @@ impl NodeWatch {
             self.registers.copy_end_of_init();
             return;
         }
-        // At a restart the cyclic registers at the addresses above the initialization structure keep their values.
-        // So the baseline covers the longer one of the old and the new structure.
+        // At a restart the cyclic registers beyond the initialization structure keep their values. So the
+        // baseline must cover the longer one of the old and the new structure.
         let words = self.words();
         self.live = live;
         let words = words.max(self.words());
@@ -210,7 +210,8 @@ impl NodeWatch {
                 judge.write(register, register.of(left), register.of(word));
             }
         }
-        // The baseline is updated only now, because a rule may read the old value of another register.
+        // The baseline is updated only after all checks, because a rule may read the old value of another
+        // register.
         let is_init = self.live == phases::INIT;
         for &(index, word) in &self.changed {
             if is_init && index == INIT_WORDS - 1 {
@@ -221,8 +222,8 @@ impl NodeWatch {
         }
     }
 
-    /// Reports writes after the initialization structure, which are lost: the firmware is about to clear these
-    /// registers.
+    /// Reports writes to registers after the initialization structure. Such writes are lost, because the
+    /// firmware will soon clear these registers.
     #[cold]
     fn judge_before_init(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
@@ -242,8 +243,8 @@ impl NodeWatch {
         }
     }
 
-    /// Checks a write of `bytes` bytes at byte `offset` of the image through the channel. Unlike a write through the
-    /// map, it is noticed even if it changes no value.
+    /// Checks a write of `bytes` bytes at byte `offset` of the image through the channel. The checker sees
+    /// such a write even if it changes no value. It cannot see this for a write to the mapped image.
     pub(crate) fn written(
         &mut self,
         offset: u32,
@@ -267,7 +268,7 @@ impl NodeWatch {
         }
     }
 
-    /// Checks the mapping, which the firmware has taken over at a SYNC edge in active operation.
+    /// Checks the mapping. The firmware has just taken it over at a SYNC edge in active operation.
     #[cold]
     pub(crate) fn settle(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         let (mut judge, ..) = self.judge_with(now, facts, journal);
@@ -275,7 +276,7 @@ impl NodeWatch {
         mapping::judge(&mut judge);
     }
 
-    /// Returns true if the mapping waits for its check.
+    /// Returns true if the mapping was changed and must still be checked.
     #[inline]
     pub(crate) fn is_unsettled(&self) -> bool {
         self.unsettled

@@ -1,4 +1,4 @@
-//! Checks for each register of a CANsync structure, derived from the register maps.
+//! The checks for each register of a CANsync structure. They are derived from the register maps.
 
 use crate::check::word;
 use crate::devices::cansync::registers::phases;
@@ -16,7 +16,7 @@ pub(super) enum RegisterUse {
     Owned,
     /// No program and no firmware may write the register.
     Reserved,
-    /// A reserved register at an address that initialization data also use.
+    /// A reserved register at an address that the initialization structure also uses.
     ReservedUnderInit,
     /// Selects the value in a word of a frame.
     Mapping,
@@ -26,15 +26,15 @@ pub(super) enum RegisterUse {
     Release(usize),
     /// Control register of the control word for a slave.
     ControlWord(u8),
-    /// Data of a frame that this control register releases.
+    /// Data of a frame. The field is the offset of the control register that releases the frame.
     RequestData(u16),
     /// Control register of the master's parameter job for a slave.
     Parameter(u8),
-    /// Number, or with `true` value, of the master's parameter job for a slave.
+    /// Number or value of the master's parameter job for a slave. The second field is true for the value.
     ParameterData(u8, bool),
     /// Control register of the master's job in block 1.
     Block,
-    /// A setting of the job in block 1, or with `true` its data.
+    /// A setting or the data of the job in block 1. The field is true for the data.
     BlockData(bool),
     /// Control register of a job at the slave; the status register follows it.
     SlaveJob,
@@ -48,7 +48,7 @@ pub(super) enum ValueLimit {
     Slave,
     /// A slave number or 16#80.
     SlaveOrAutomatic,
-    /// The value must be one that the manual does not reserve.
+    /// The manual must not reserve the value.
     NotReserved(&'static Meaning),
 }
 
@@ -79,7 +79,7 @@ impl WatchedRegister {
 /// The registers of a structure, indexed by byte.
 pub(super) struct RegisterMap {
     registers: Vec<WatchedRegister>,
-    /// Index into `registers` for each byte; [`RegisterMap::NONE`] for padding.
+    /// Index in `registers` for each byte; [`RegisterMap::NONE`] for padding.
     bytes: Vec<u16>,
 }
 
@@ -107,7 +107,8 @@ impl RegisterMap {
         self.bytes.len()
     }
 
-    /// Returns the registers in the word at byte `first` that have a bit of `differing`, in ascending order.
+    /// Returns the registers that have at least one bit of `differing` in the word at byte `first`, in
+    /// ascending order.
     pub(crate) fn registers_with(
         &self,
         first: usize,
@@ -148,7 +149,8 @@ pub(super) struct RegisterMaps {
 }
 
 impl RegisterMaps {
-    /// Returns the maps of a node in `area` with this role. Each is created once for all plants.
+    /// Returns the maps of a node in `area` with this role. The maps are created once and shared by all
+    /// plants.
     pub(crate) fn of(area: &'static Area, role: Role) -> Arc<Self> {
         static MADE: Mutex<Vec<(&'static Area, Role, Arc<RegisterMaps>)>> = Mutex::new(Vec::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -243,7 +245,8 @@ mod tests {
     use super::*;
     use crate::devices::{bm4_o_can_06, omega_drive_line_2};
 
-    /// Returns the maps of the nodes of both devices. Their structures differ as in the manuals.
+    /// Returns the maps of the nodes of both devices. The structures of the devices differ, as their manuals
+    /// do.
     fn maps(role: Role) -> [Arc<RegisterMaps>; 2] {
         let (omega, bm4) = (&omega_drive_line_2::registers::DEVICE, &bm4_o_can_06::registers::DEVICE);
         let node = if role == Role::Master { "node2" } else { "node1" };
@@ -267,7 +270,8 @@ mod tests {
         assert_eq!(lengths, [(52, 3542), (52, 3524)]);
     }
 
-    /// Two modules can be in one slot. The structure of the present module counts.
+    /// A slot can contain one of two modules. The checks must use the structure of the module that is
+    /// present.
     #[test]
     fn the_role_selects_the_structure() {
         let [master, slave] =

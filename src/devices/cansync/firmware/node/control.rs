@@ -13,8 +13,8 @@ use crate::journal::{Handshake, State};
 use core::mem::offset_of;
 
 impl Node {
-    /// Polls `w_CPU_CONTROL` once. `clear` empties the cyclic area; it is called after initialization data were taken
-    /// over and before 16#0003 is shown (decision D-03).
+    /// Polls `w_CPU_CONTROL` once. `clear` empties the cyclic area. It is called when initialization data
+    /// have been taken over, before the node shows 16#0003 (decision D-03).
     pub(in super::super) fn poll_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
         self.is_settled = true;
         self.controller.recover(ctx.now);
@@ -47,7 +47,7 @@ impl Node {
                 let data = self.read_init_data();
                 self.take_over(ctx, data, NodeState::WaitingForStart, clear)
             }
-            // Data taken over before a restart still apply (decision D-602).
+            // Initialization data that were taken over before a restart are still valid (decision D-602).
             (NodeState::WaitingForInit, cpu_control::START_SYNCHRONOUS) => {
                 let data = self.last_init.clone().map_or_else(|| self.read_init_data(), Ok);
                 self.take_over(ctx, data, NodeState::SetUp, clear)
@@ -73,7 +73,8 @@ impl Node {
         }
     }
 
-    /// Resets the controller. Bit 7 acts in every state; `answer` is the register value after clearing it.
+    /// Resets the controller. Bit 7 has this effect in every state; `answer` is the value of the register
+    /// without bit 7.
     fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
@@ -89,7 +90,8 @@ impl Node {
         }
     }
 
-    /// Takes over initialization data and changes to state `next`, unless the data are refused.
+    /// Takes over initialization data and changes to state `next`. If the node refuses the data, the state
+    /// does not change.
     fn take_over(
         &mut self,
         ctx: &mut Context,
@@ -117,7 +119,7 @@ impl Node {
         }
     }
 
-    /// Returns true if `value` is only the command that led to `state` and is still in the register.
+    /// Returns true if `value` is the command that led to `state`: the command is still in the register.
     fn is_command_of(state: NodeState, value: u16) -> bool {
         match state {
             NodeState::StartUp => value == cpu_control::RESTART,

@@ -11,7 +11,7 @@ use crate::devices::{Context, SyncSignal};
 use crate::layout::Port;
 use core::mem::offset_of;
 
-/// Reports that the number at the DIP switches of the slave at `port` belongs to another station of its bus.
+/// Reports that another station of the bus already has the number at the DIP switches of the slave at `port`.
 pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number: u8) {
     let Some(port) = port else { return };
     let offset = port.area.first as usize + offset_of!(CANsync_INIT_BMSTRUCT, w_OMEGA_NR);
@@ -19,8 +19,8 @@ pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number
 }
 
 impl Node {
-    /// Reports that from now on a restart command in the RAM cannot be distinguished from the last
-    /// value that the firmware wrote into the register.
+    /// Reports that from now on the firmware cannot distinguish a restart command in the RAM from the last
+    /// value that the firmware itself wrote into the register.
     pub(super) fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, cpu_control::RESTART);
         ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
@@ -45,8 +45,8 @@ impl Node {
         ctx.find(rule, phases::INIT, offset, value.into());
     }
 
-    /// Checks the two values that the manual requires for the CAN controller (p. 149). Other values would do harm on
-    /// the device, but not on a simulated bus.
+    /// Checks the two values that the manual requires for the CAN controller (p. 149). Other values would
+    /// harm the real device, but not a simulated bus.
     pub(super) fn check_controller(&self, ctx: &mut Context) {
         let output = (
             &self.regs.b_OUTPUT_CONTROL,
@@ -66,7 +66,7 @@ impl Node {
         }
     }
 
-    /// Reports once that the node passes on a SYNC signal of another rate than its own.
+    /// Reports once that the node passes on a SYNC signal with another rate than the rate of its bus.
     #[inline]
     pub(in super::super) fn judge_sync(&mut self, ctx: &mut Context, signal: SyncSignal) {
         let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };

@@ -3,7 +3,7 @@
 use crate::devices::cansync::BaudRate;
 use crate::layout::Port;
 
-/// Location of a node's registers, the number of the node in its device, and the supported baud rates.
+/// Location of a node's registers, index of the node in its device, and supported baud rates.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeLocation {
     /// First byte of the node's area.
@@ -12,7 +12,7 @@ pub struct NodeLocation {
     pub place: usize,
     /// Baud rates of the device.
     pub rates: &'static [BaudRate],
-    /// True if a slave in this location has the single-frame area.
+    /// True if a slave in this location has the single-frame area, the second area for up-/downloads.
     pub has_single_frame_area: bool,
 }
 

@@ -14,19 +14,20 @@ const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
     | cansync_status::SENDING;
 
 impl Node {
-    /// Returns true if `w_CANsync_STATUS` still holds the value of the last poll, except for the traffic bits. A
-    /// program may have written to this register.
+    /// Returns true if `w_CANsync_STATUS` still contains the value of the last poll, except for the traffic
+    /// bits. It may differ, because a program can write to this register.
     #[inline]
     pub(super) fn status_is_shown(&self) -> bool {
         self.regs.w_CANsync_STATUS.load() & !TRAFFIC == self.shown_status
     }
 
-    /// Refreshes `w_CANsync_STATUS`. `on_wire` is the present activity of the controller: `None` idle, `Some(true)`
-    /// sending, `Some(false)` receiving. A change of the activity alone is not recorded in the journal.
+    /// Refreshes `w_CANsync_STATUS`. `on_wire` is the present activity of the controller: `None` idle,
+    /// `Some(true)` sending, `Some(false)` receiving. If only the activity has changed, the journal has no
+    /// record of it.
     pub(in super::super) fn refresh_status(&mut self, ctx: &mut Context, on_wire: Option<bool>) {
         let mut value = 0;
         if self.controller.is_off() {
-            // BUS-off: no frame is sent or received, and none waits to be sent (decision D-121).
+            // In BUS-off no frame is sent or received, and no frame waits to be sent (decision D-121).
             value = cansync_status::BUS_OFF | cansync_status::WARNING;
         } else if self.init.is_some() {
             value = cansync_status::SEND_BUFFER_FREE | cansync_status::SEND_JOB_DONE;

@@ -1,5 +1,6 @@
-//! The two register areas that show up-/downloads to a slave's application: block 1 with 300 bytes of data, and the
-//! single-frame area with six (manual 5.00005.03a p. 190-193). Not every device has the single-frame area.
+//! The two register areas that show up-/downloads to a slave's application: block 1 with 300 bytes of data,
+//! and the single-frame area with six bytes (manual 5.00005.03a p. 190-193). Not every device has the
+//! single-frame area.
 
 use crate::devices::cansync::firmware::block;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
@@ -10,7 +11,7 @@ use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// The area that a transfer uses, from its init frame to its end.
+/// The area that a transfer uses from its init frame to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum AreaKind {
     Block1,
@@ -18,9 +19,9 @@ pub(super) enum AreaKind {
 }
 
 impl AreaKind {
-    /// Selects the area. A transfer of more than 300 bytes never fits block 1; a shorter transfer uses block 1 if the
-    /// application has enabled it (p. 191). Other transfers use the single-frame area. On a device without that area,
-    /// the master gets an error number (decision D-307).
+    /// Selects the area. A transfer of more than 300 bytes never fits block 1. A shorter transfer uses block
+    /// 1 if the application has enabled block 1 (p. 191). Other transfers use the single-frame area. If the
+    /// device does not have that area, the master gets an error number (decision D-307).
     pub(super) fn of(
         regs: &CANsync_SL_CTRL_BMSTRUCT,
         length: u16,
@@ -82,13 +83,13 @@ pub(super) struct Area<'a> {
 
 enum Data<'a> {
     Block1(&'a [Cell32; 75]),
-    /// The frame's first four and last two bytes.
+    /// Registers for the frame's first four bytes and its last two bytes.
     Single(&'a Cell32, &'a Cell16),
 }
 
 impl Area<'_> {
-    /// Stores the frame's bytes that belong to the block: from `offset` to below `length` (p. 143). In the single-frame
-    /// area the other bytes read 0 (decision D-66).
+    /// Stores the frame's bytes that belong to the block: from `offset` to below `length` (p. 143). In the
+    /// single-frame area the other bytes become 0 (decision D-66).
     pub(super) fn put(&self, offset: u16, mut bytes: [u8; BLOCK], length: u16) {
         match self.data {
             Data::Block1(cells) => block::write(cells, offset, length, bytes),
@@ -102,7 +103,7 @@ impl Area<'_> {
         }
     }
 
-    /// Returns six bytes for an upload. Bytes after the end of the block have no meaning for the master (p. 142).
+    /// Returns six bytes for an upload. The master ignores bytes after the end of the block (p. 142).
     pub(super) fn get(&self, offset: u16, length: u16) -> [u8; BLOCK] {
         match self.data {
             Data::Block1(cells) => block::read(cells, offset, length),

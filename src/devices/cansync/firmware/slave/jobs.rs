@@ -31,7 +31,7 @@ pub(super) struct Jobs {
     number: u8,
     parameter: ParameterServer,
     updown: UpDownServer,
-    /// The source of the answer to the last job, which must still be sent.
+    /// The source of the answer to the last job. The answer must still be sent.
     due: Option<AnswerSource>,
     /// The source of the answer on the wire.
     sending: Option<AnswerSource>,
@@ -50,9 +50,9 @@ impl Jobs {
         }
     }
 
-    /// Handles a job in active operation. A job without a valid format gets no answer. A read job on the status word
-    /// never reaches the application, which has no information whether the node is synchronized (decision D-06). The
-    /// application's job in progress, if there is one, stays as it is.
+    /// Handles a job in active operation. A job without a valid format gets no answer. A read job on the
+    /// status word never reaches the application, because the application cannot know whether the node is
+    /// synchronized (decision D-06). Such a job does not affect a job of the application in progress.
     pub(super) fn arrive(
         &mut self,
         ctx: &mut Context,
@@ -117,7 +117,8 @@ impl Jobs {
         AnswerSource::Firmware(job.answer(result).frame(self.number))
     }
 
-    /// MODE 00 is not a mode, so it is not permitted in any phase. The answer carries the job's offset (decision D-68).
+    /// Returns the answer to a job with MODE 00. This value is not a mode, so it is not permitted in any
+    /// phase. The answer carries the job's offset (decision D-68).
     fn reserved_mode(&self, payload: &Payload, error: CodecError) -> Option<AnswerSource> {
         let [high, low, ..] = payload.padded();
         let offset = u16::from_le_bytes([low, high & 0x0F]);
@@ -152,7 +153,7 @@ impl Jobs {
         }
     }
 
-    /// Ends the answer after it was sent completely.
+    /// Ends the answer, because it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         match self.sending.take() {
             Some(AnswerSource::Parameter) => self.parameter.response_sent(ctx, regs),

@@ -1,5 +1,5 @@
-//! All 65,536 pairs of values that the application can write into the two registers of a job. In each state, a pair
-//! gives the same answer and the same registers every time, and only the control register decides.
+//! Tests all 65,536 pairs of values that the application can write into the two registers of a job. In each
+//! state, equal pairs give equal answers and registers, and only the control register decides.
 
 use super::*;
 use crate::devices::cansync::frames::codec::{Direction, ParameterResponse, UpDownResponse};
@@ -29,7 +29,7 @@ impl Bench {
         Bench { jobs: Jobs::new(NUMBER, true), regs, journal: Journal::new(1) }
     }
 
-    /// Lets a job arrive, and returns the answer that the node sends.
+    /// Delivers a job to the node, and returns the answer that the node sends.
     fn turn(&mut self, frame: &Frame) -> Frame {
         let origin = Origin { plc: DeviceIndex(0), node: PortNumber(1) };
         let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: NODE1 };
@@ -179,7 +179,7 @@ fn up_downloads_have_a_defined_result_for_every_pair() {
         every_pair(bench(DownloadState::LastShown), pair, |bench| bench.updown(&last), acknowledged);
 
         for state in [DownloadState::InitShown, DownloadState::InitAnswered, DownloadState::LastShown] {
-            // Bit 5 between two frames means that the application has given up (D-71).
+            // If bit 5 is set between two frames, the application has given up (D-71).
             let over = |control| state == DownloadState::InitAnswered && control & 0x20 != 0;
             every_pair(
                 bench(state),

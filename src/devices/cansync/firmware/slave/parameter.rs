@@ -1,7 +1,8 @@
 //! Parameter jobs for the application of a slave node (manual 5.00005.03a p. 188-190).
 //!
-//! A job is entered in the registers and stays there until its answer was sent. Until the application clears bit 0,
-//! every repetition by the master is answered BUSY (p. 139-140).
+//! A job is entered in the registers and stays there until its answer has been sent. The application clears
+//! bit 0 when it has done the job. Until then, each repetition of the job by the master is answered with BUSY
+//! (p. 139-140).
 
 use crate::devices::Context;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
@@ -19,18 +20,19 @@ use serde::{Deserialize, Serialize};
 /// A slave node's side of parameter jobs.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct ParameterServer {
-    /// Job in the registers, until its answer was sent.
+    /// Job in the registers. It is kept until its answer has been sent.
     entered: Option<ParameterJob>,
-    /// Job that the master has changed to. The firmware enters the job when the application confirms with bit 7.
+    /// Job that has replaced the job in the registers. The firmware enters it when the application confirms
+    /// the change with bit 7.
     changed: Option<ParameterJob>,
-    /// True if the answer now on the wire ends the job.
+    /// True if the job ends when the answer that is now on the wire has been sent.
     ends: bool,
 }
 
 impl ParameterServer {
-    /// Returns the error number of a job that the firmware refuses, because the application has no register for the
-    /// job. Such jobs are for sub-slaves, or write to other elements than the parameter's value (p. 140; decision
-    /// D-60).
+    /// Returns an error number if the firmware must refuse the job, because the application has no register
+    /// for it. Such jobs are for sub-slaves, or write to other elements than the parameter's value (p. 140;
+    /// decision D-60).
     pub(super) fn refusal(job: &ParameterJob) -> Option<u16> {
         let write = !matches!(job.access(), Access::Read);
         if job.sub_slave() != 0 {
@@ -42,8 +44,9 @@ impl ParameterServer {
         }
     }
 
-    /// Handles a job of the master for the application. Any difference to the job in progress counts as a change and is
-    /// shown until the application confirms it (p. 190; decision D-61).
+    /// Handles a job of the master for the application. A job that differs in any way from the job in
+    /// progress counts as a change. The registers show the change until the application confirms it (p. 190;
+    /// decision D-61).
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &ParameterJob) {
         match self.entered {
             Some(entered) if entered == *job && self.changed.is_none() => {}
@@ -71,13 +74,13 @@ impl ParameterServer {
         self.changed = None;
     }
 
-    /// Returns true if the job was changed and the application must confirm the change.
+    /// Returns true if the master has changed the job and the application must still confirm the change.
     #[inline]
     pub(super) fn waits_for_reset(&self) -> bool {
         self.changed.is_some()
     }
 
-    /// Enters the changed job when the application has confirmed with bit 7 (decision D-62).
+    /// Enters the changed job when the application has confirmed the change with bit 7 (decision D-62).
     pub(super) fn poll(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if let Some(job) = self.changed
             && registers(regs).control() & RESET != 0
@@ -116,7 +119,8 @@ impl ParameterServer {
         }))
     }
 
-    /// Ends an answer that was sent: after the final one, bit 6 is cleared and the job is over.
+    /// Ends an answer that was sent. If it was the final answer of the job, bit 6 is cleared and the job
+    /// ends.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if self.ends {
             self.ends = false;
@@ -125,7 +129,7 @@ impl ParameterServer {
         }
     }
 
-    /// Drops the job in progress. The registers show no job (decision D-63).
+    /// Drops the job in progress. The registers then show no job (decision D-63).
     pub(super) fn drop_job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         *self = ParameterServer::default();
         registers(regs).show(ctx, 0);

@@ -1,4 +1,4 @@
-//! One up- or download from its init frame to its end, as shown in the registers of its area (manual 5.00005.03a p.
+//! One up- or download, from its init frame to its end, in the registers of its area (manual 5.00005.03a p.
 //! 141-143, 190-193).
 
 use super::area::{Area, AreaKind};
@@ -21,7 +21,7 @@ const STEP: u16 = BLOCK as u16;
 /// The master's change of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Successor {
-    /// The init job of another transfer, which starts next.
+    /// The init job of another transfer, which starts when the application has confirmed the change.
     Init(UpDownJob),
     /// The master has cancelled the transfer.
     Nothing,
@@ -32,7 +32,7 @@ pub(super) enum Successor {
 pub(super) struct Transfer {
     area_kind: AreaKind,
     init: UpDownJob,
-    /// Bytes of the block. 0 in an upload until the application has set the length (p. 141).
+    /// Number of bytes of the block. In an upload it is 0 until the application has set the length (p. 141).
     length: u16,
     /// Offset of the next block.
     next: u16,
@@ -77,8 +77,8 @@ impl Transfer {
         self.changed.is_none() && self.shown == Some(*init)
     }
 
-    /// Shows a change by the master to the application. The change stays visible until bit 7 confirms it (p. 192;
-    /// decision D-61).
+    /// Shows the application that the master has changed or cancelled the transfer. The change remains
+    /// visible until the application confirms it with bit 7 (p. 192; decision D-61).
     pub(super) fn change(
         &mut self,
         ctx: &mut Context,
@@ -94,8 +94,8 @@ impl Transfer {
         self.changed.is_some() && self.area(regs).job.control() & RESET != 0
     }
 
-    /// Returns true if the job is shown in the single-frame area without an answer of the application, although block 1
-    /// is enabled now and has room for the job (p. 191).
+    /// Returns true if the job must move to block 1 (p. 191): the single-frame area shows the job, the
+    /// application has not answered, and block 1 is now enabled and has room for the job.
     pub(super) fn belongs_to_block_1(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
         self.area_kind == AreaKind::Single
             && self.shown == Some(self.init)
@@ -103,8 +103,8 @@ impl Transfer {
             && AreaKind::of(regs, self.length, true) == Ok(AreaKind::Block1)
     }
 
-    /// Returns the job to enter once this area is cleared: the job that the master has changed to, otherwise the
-    /// present one. `None` if the master has cancelled.
+    /// Returns the job to enter when this area has been cleared: the job to which the master has changed, or
+    /// otherwise the present job. `None` if the master has cancelled the transfer.
     pub(super) fn successor(&self) -> Option<UpDownJob> {
         match self.changed {
             None => Some(self.init),
@@ -123,8 +123,8 @@ impl Transfer {
         self.shown.is_none() && self.area(regs).job.control() & ERROR != 0
     }
 
-    /// Returns the application's error number. Numbers up to 16#00FF are reserved for the firmware (p. 192) and are
-    /// sent as "slave cancels" (decision D-71).
+    /// Returns the application's error number. Numbers up to 16#00FF are reserved for the firmware (p. 192).
+    /// If the application uses one of them, the firmware sends "slave cancels" instead (decision D-71).
     pub(super) fn error_number(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> u16 {
         match self.area(regs).error.load() {
             0..=0x00FF => updown_error::SLAVE_CANCELS,
@@ -132,8 +132,8 @@ impl Transfer {
         }
     }
 
-    /// Returns the refusal of a body or last frame that comes at the wrong time, as a finished answer. The refusal does
-    /// not change the transfer: the master may continue with the right frame (p. 142-143).
+    /// If a body or last frame comes at the wrong time, returns the refusal as a complete answer. The refusal
+    /// does not change the transfer: the master may continue with the right frame (p. 142-143).
     pub(super) fn refusal(&self, job: &UpDownJob) -> Option<UpDownResponse> {
         let last = match job.step() {
             UpDownStep::Upload { last } | UpDownStep::Download { last, .. } => last,
@@ -145,7 +145,8 @@ impl Transfer {
             return Some(job.answer(UpDownResult::Error(updown_error::MODE)));
         }
         if job.offset() != self.next {
-            // `next` is the offset of a block within the 12-bit length.
+            // `next` is below the 12-bit length of the transfer, so it is a valid offset and no error is
+            // possible.
             return job.expects_instead(self.next).ok();
         }
         let number = match (last, self.next + STEP >= self.length) {
@@ -156,9 +157,9 @@ impl Transfer {
         Some(job.answer(UpDownResult::Error(number)))
     }
 
-    /// Takes the expected body or last frame. Returns the answer, or `None` if the application must acknowledge the
-    /// frame: every frame in the single-frame area, only the last frame in block 1 (p. 191, 193; uploads: decision
-    /// D-65).
+    /// Takes the expected body or last frame. Returns the answer, or `None` if the application must
+    /// acknowledge the frame. In the single-frame area it must acknowledge every frame, in block 1 only the
+    /// last frame (p. 191, 193; uploads: decision D-65).
     pub(super) fn take(
         &mut self,
         ctx: &mut Context,
@@ -195,8 +196,8 @@ impl Transfer {
         None
     }
 
-    /// Returns the application's present answer to the shown frame; `None` while the application is working. `Err` ends
-    /// the transfer.
+    /// Returns the application's present answer to the frame in the registers; `None` while the application
+    /// is working. `Err` ends the transfer.
     pub(super) fn acknowledgement(
         &mut self,
         regs: &CANsync_SL_CTRL_BMSTRUCT,
@@ -213,7 +214,7 @@ impl Transfer {
         }
         Some(Ok(match shown.step() {
             UpDownStep::Init { .. } if self.length == 0 => {
-                // The application has set the length (p. 141; decision D-67).
+                // In an upload the application has set the length (p. 141; decision D-67).
                 let limit = if self.area_kind == AreaKind::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
                 match area.length.load() {
                     0 => return refuse(updown_error::NOT_POSSIBLE),
@@ -247,12 +248,12 @@ impl Transfer {
         end == self.length
     }
 
-    /// Clears bit 6, because the answer to the frame was sent (p. 191).
+    /// Clears bit 6, because the answer to the frame has been sent (p. 191).
     pub(super) fn not_busy(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         self.area(regs).job.change(ctx, |value| value & !BUSY);
     }
 
-    /// Returns the number of transferred bytes after the next block.
+    /// Returns the number of bytes that will be transferred when the next block is complete.
     fn end_of_next_block(&self) -> u16 {
         (self.next + STEP).min(self.length)
     }

@@ -1,5 +1,5 @@
-//! The slave's side of up-/downloads: selects the frames that the application answers and those that the firmware
-//! answers (manual 5.00005.03a p. 141-143, 190-193).
+//! The slave's side of up-/downloads. The firmware answers some frames itself, and passes the others to the
+//! application (manual 5.00005.03a p. 141-143, 190-193).
 
 use super::area::AreaKind;
 use super::transfer::{Successor, Transfer};
@@ -12,7 +12,7 @@ use crate::devices::cansync::registers::values::{base_adr, updown_error};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// Effect of a sent answer on the transfer.
+/// Effect of an answer on the transfer, when the answer has been sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum AnswerEffect {
     None,
@@ -26,7 +26,7 @@ enum AnswerEffect {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum DueAnswer {
     Answer(UpDownResponse, AnswerEffect),
-    /// The application has prepared the answer, which is read when it is sent.
+    /// The answer of the application. It is read when it is sent.
     Application,
 }
 
@@ -36,9 +36,9 @@ pub(super) struct UpDownServer {
     has_single_frame_area: bool,
     transfer: Option<Transfer>,
     due: Option<(UpDownJob, DueAnswer)>,
-    /// Job and answer on the wire, with the effect of the answer.
+    /// Job and answer on the wire, and the effect of the answer.
     sending: Option<(UpDownJob, UpDownResponse, AnswerEffect)>,
-    /// The last accepted frame and its answer, which may have been lost.
+    /// The last frame that was accepted, and the answer to it. The answer may have been lost.
     accepted: Option<(UpDownJob, UpDownResponse)>,
 }
 
@@ -52,7 +52,7 @@ impl UpDownServer {
     /// Handles a job of the master.
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) {
         let due = match (self.accepted, job.step()) {
-            // The master missed the answer and repeats the job (decision D-69).
+            // The master has not received the answer, so it repeats the job (decision D-69).
             (Some((accepted, response)), _) if accepted == *job => {
                 DueAnswer::Answer(response, AnswerEffect::None)
             }
@@ -63,7 +63,7 @@ impl UpDownServer {
         self.due = Some((*job, due));
     }
 
-    /// Returns the error number of an init job that the firmware refuses (decision D-68).
+    /// Returns an error number if the firmware must refuse the init job (decision D-68).
     fn init_refusal(job: &UpDownJob) -> Option<u16> {
         match job.step() {
             UpDownStep::Init { address, .. } if base_adr::SYSTEM.contains(&address) => {
@@ -110,7 +110,8 @@ impl UpDownServer {
         self.transfer = Some(Transfer::begin(ctx, regs, area_kind, *job));
     }
 
-    /// Handles a cancellation. The firmware drops the transfer at once; the application sees a change (decision D-70).
+    /// Handles a cancellation. The firmware drops the transfer at once. The registers show a change to the
+    /// application (decision D-70).
     fn cancel(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> DueAnswer {
         self.accepted = None;
         match &mut self.transfer {
@@ -142,14 +143,15 @@ impl UpDownServer {
         }
     }
 
-    /// Returns true if there is a transfer, which the application may cancel.
+    /// Returns true if there is a transfer. The application may cancel it.
     #[inline]
     pub(super) fn is_under_way(&self) -> bool {
         self.transfer.is_some()
     }
 
-    /// Enters the master's changed job when the application has confirmed with bit 7 (decision D-62). Moves a job that
-    /// the application has not answered to block 1 once that is enabled (decision D-600).
+    /// Enters the job to which the master has changed, when the application has confirmed the change with bit
+    /// 7 (decision D-62). Also moves a job that the application has not answered to block 1 as soon as block
+    /// 1 is enabled (decision D-600).
     pub(super) fn poll(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let is_over = |transfer: &mut Transfer| transfer.is_reset(regs) || transfer.belongs_to_block_1(regs);
         let Some(transfer) = self.transfer.take_if(is_over) else { return };
@@ -184,7 +186,7 @@ impl UpDownServer {
         Some(response)
     }
 
-    /// Ends the answer after it was sent completely.
+    /// Ends the answer, because it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let Some((job, response, effect)) = self.sending.take() else { return };
         let Some(transfer) = &mut self.transfer else { return };
@@ -204,7 +206,7 @@ impl UpDownServer {
         }
     }
 
-    /// Drops the transfer in progress. The registers show none (decision D-63).
+    /// Drops the transfer in progress. The registers then show no transfer (decision D-63).
     pub(super) fn drop_transfer(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let dropped = core::mem::replace(self, UpDownServer::new(self.has_single_frame_area));
         if let Some(transfer) = dropped.transfer {

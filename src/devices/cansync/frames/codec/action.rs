@@ -1,5 +1,5 @@
-//! The action command: one order of the master to any group of slaves, without an answer (manual 5.00005.03a p. 138 and
-//! 162-163).
+//! The action command: one order of the master to any group of slaves. The slaves do not answer (manual
+//! 5.00005.03a p. 138 and 162-163).
 
 use super::CodecError;
 use crate::can::Payload;

@@ -1,4 +1,4 @@
-//! Decoding of any frame without further information, and its line in a trace.
+//! Decoding of any frame without information from other frames, and the line of a frame in a trace.
 
 use super::parameter::{self, VALUE_ELEMENT};
 use super::updown;
@@ -131,7 +131,8 @@ impl fmt::Display for DecodedFrame {
     }
 }
 
-/// Formats the words of process data, `3344 1122`; a single last byte is printed alone.
+/// Formats the words of process data, for example `3344 1122`. If the data end with a single byte, the byte
+/// is printed alone.
 struct Words<'a>(&'a Payload);
 
 impl fmt::Display for Words<'_> {
@@ -164,7 +165,7 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// Appends the sub-slave address, except for the slave itself.
+/// Appends the sub-slave address. Appends nothing if the address means the slave itself.
 fn sub_slave(f: &mut fmt::Formatter<'_>, address: u16) -> fmt::Result {
     if address != 0 { write!(f, ", sub-slave 16#{address:04X}") } else { Ok(()) }
 }

@@ -102,8 +102,8 @@ fn decoded_or_refused(id: u16, bytes: [u8; 8], len: usize) {
     assert!(!line(&frame).is_empty());
     match decode(&frame) {
         Ok(decoded) => {
-            // Decoding may lose reserved bits, and lengths that the emulator never sends. The meaning of the frame must
-            // not change.
+            // Decoding may lose reserved bits, and lengths that the emulator never sends. However, encoding
+            // and decoding again must not change the meaning of the frame.
             let again = encode(&decoded);
             assert_eq!(again.kind(), frame.kind());
             assert_eq!(decode(&again), Ok(decoded));
@@ -116,7 +116,7 @@ fn decoded_or_refused(id: u16, bytes: [u8; 8], len: usize) {
     }
 }
 
-/// Frames of an identifier, a length and eight bytes.
+/// The input of the fuzzer consists of frames, each with an identifier, a length and eight bytes.
 #[test]
 fn fuzz_cansync_frame() {
     crate::fuzz("cansync_frame", |bytes| {

@@ -18,10 +18,10 @@ pub enum CodecError {
         /// Permitted numbers of data bytes.
         expected: &'static str,
     },
-    /// An up-/download job has bits 5-4 (MODE) of data byte 0 at 00.
+    /// Bits 5-4 (MODE) of data byte 0 of an up-/download job are 00.
     #[error("up-/download job with MODE 00, which is reserved (01 init, 10 body, 11 last block)")]
     ReservedMode,
-    /// Bit 7 of data byte 0 selects "parameter" where up-/download is expected, or vice versa.
+    /// Bit 7 of data byte 0 selects "parameter" although an up-/download is expected, or vice versa.
     #[error("{found} frame where {expected} is expected (bit 7 of data byte 0)")]
     OtherService {
         /// Name of the service that bit 7 of the frame indicates.
@@ -62,7 +62,7 @@ pub enum CodecError {
         /// Offset in the answer, in bytes.
         found: u16,
     },
-    /// The answer does not fit the job: unrequested data, or missing data.
+    /// The answer does not fit the job: it contains data that the job has not requested, or lacks data.
     #[error("{answer} as answer to {job}")]
     Mismatch {
         /// Name of the kind of answer.

@@ -1,8 +1,9 @@
 //! The meaning of the data bytes of CANsync frames (manual 5.00005.03a p. 136-143).
 //!
-//! To send, build the value ([`ActionCommand`], [`ParameterJob`], [`UpDownJob`] or an `answer` to a job) and take its
-//! `frame`. To receive, use [`Frame::kind`](crate::devices::cansync::frames::Frame::kind) to select the `decode` function;
-//! an answer is decoded together with its job. [`decode`] decodes any frame for a trace.
+//! To send a frame, build the value ([`ActionCommand`], [`ParameterJob`], [`UpDownJob`] or an `answer` to a
+//! job) and take its `frame`. To receive a frame, use
+//! [`Frame::kind`](crate::devices::cansync::frames::Frame::kind) to select the `decode` function. An answer
+//! is decoded together with its job. [`decode`] decodes any frame for a trace.
 
 pub(crate) mod action;
 mod decoded;

@@ -1,8 +1,9 @@
 //! Parameter jobs and their answers (manual 5.00005.03a p. 139-140, 5.01010.01 p. 26-27).
 //!
-//! The length alone distinguishes the jobs: 4 bytes read, 6 write a word, 8 write a doubleword. An answer of 6 bytes
-//! may be a value or an error, and an answer of 4 bytes a finished write or BUSY. Bits 6 and 5 of the first byte
-//! distinguish these. Only together with the job can the decoder check that such an answer fits.
+//! The length alone distinguishes the jobs: 4 bytes read, 6 bytes write a word, 8 bytes write a doubleword.
+//! An answer of 6 bytes may be a value or an error, and an answer of 4 bytes may be a finished write or BUSY.
+//! Bits 6 and 5 of the first byte distinguish these answers. The decoder needs the job to check that an
+//! answer fits it.
 
 use super::CodecError;
 use crate::can::Payload;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 /// Highest parameter number.
 pub(crate) const MAX_NUMBER: u16 = 4095;
-/// The element with the parameter's value, the only writable one.
+/// The element with the parameter's value. It is the only element that can be written.
 pub(crate) const VALUE_ELEMENT: u8 = par_element::VALUE;
 
 /// Returns the meaning of a slave's error number.
@@ -157,7 +158,7 @@ impl ParameterJob {
     }
 }
 
-/// Result in a slave's answer to a parameter job.
+/// Result of a parameter job in the answer of a slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ParameterResult {
     /// Read: the value, a word.
@@ -247,7 +248,8 @@ impl ParameterResponse {
         }
         let write = !matches!(job.access, Access::Read);
         match response.result {
-            // The place of the sub-slave in a BUSY answer is the emulator's own convention, so it is not checked.
+            // The position of the sub-slave address in a BUSY answer is defined by this emulator only, so it
+            // is not checked.
             ParameterResult::Busy => return Ok(job.answer(ParameterResult::Busy)),
             ParameterResult::Word(_) | ParameterResult::Doubleword(_) if write => {
                 return Err(CodecError::Mismatch { answer: "a value", job: job.text() });
@@ -263,11 +265,11 @@ impl ParameterResponse {
         Ok(response)
     }
 
-    /// Decodes the data field of an answer without the job, as a trace requires: 4 bytes count as a finished write, 6
-    /// and 8 as a value.
+    /// Decodes the data field of an answer without its job, as a trace requires. An answer of 4 bytes counts
+    /// as a finished write, an answer of 6 or 8 bytes as a value.
     ///
-    /// With BUSY set, any length from 2 bytes on is accepted and ERR is ignored. If the length is not 4, the sub-slave
-    /// address counts as 0.
+    /// If BUSY is set, any length from 2 bytes on is accepted and ERR is ignored. If the length is not 4, the
+    /// sub-slave address counts as 0.
     ///
     /// # Errors
     /// [`CodecError::OtherService`] for an answer to an up-/download job, [`CodecError::Length`].

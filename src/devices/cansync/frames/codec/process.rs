@@ -1,7 +1,7 @@
 //! Process data: the four words of a reference or actual value frame and the registers that assign them.
 //!
-//! Manual 5.00005.03a p. 152-153 (master, reference values), p. 156-157 (master, actual values), and the slave's
-//! chapters from p. 176 on with the same byte.
+//! Manual 5.00005.03a p. 152-153 (master, reference values), p. 156-157 (master, actual values). The slave's
+//! chapters from p. 176 on define the byte in the same way.
 
 use crate::can::Payload;
 use crate::devices::cansync::registers::values::{cfg_word, cfg_wrc_master};
@@ -16,20 +16,21 @@ const _: () = assert!(
         && cfg_wrc_master::HIGH_WORD == cfg_word::HIGH_WORD
 );
 
-/// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`): the value and the half that a word carries.
+/// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`). It selects the value, and the half of the
+/// value, that a word carries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct WordConfig(pub u8);
 
 impl WordConfig {
-    /// Creates the byte for the low or high word of value `number` (0..=31, higher bits are cut).
+    /// Creates the byte for the low or high word of value `number` (0..=31; higher bits are dropped).
     #[inline]
     pub const fn new(number: u8, high_word: bool) -> Self {
         let half = if high_word { cfg_word::HIGH_WORD } else { 0 };
         WordConfig(cfg_word::ASSIGNED | half | number << NUMBER_AT & cfg_wrc_master::NUMBER)
     }
 
-    /// Returns true if the word is in use: any byte except 0, even with bit 0 ("assigned") clear. The manual calls a
-    /// word unused only if number, half and bit 0 are all 0.
+    /// Returns true if the word is in use: the byte is not 0. This is also true if bit 0 ("assigned") is
+    /// clear, because the manual calls a word unused only if number, half and bit 0 are all 0.
     #[inline]
     pub const fn is_used(self) -> bool {
         self.0 != 0
@@ -41,7 +42,7 @@ impl WordConfig {
         self.0 & cfg_word::ASSIGNED != 0
     }
 
-    /// Returns bit 1: the high word of the value instead of its low word.
+    /// Returns bit 1: true if the word is the high word of the value, false for the low word.
     #[inline]
     pub const fn is_high_word(self) -> bool {
         self.0 & cfg_word::HIGH_WORD != 0
@@ -111,8 +112,8 @@ impl FrameConfig {
         Built { payload: Payload::from_words(words, len), used_words }
     }
 
-    /// Extracts the words of a received frame: calls `sink` with value number, "high word" and word for each used word
-    /// that the frame carries completely.
+    /// Extracts the words of a received frame. For each used word that the frame carries completely, calls
+    /// `sink` with value number, "high word" and word.
     #[inline]
     pub fn scatter(self, payload: &Payload, mut sink: impl FnMut(u8, bool, u16)) {
         for (index, byte) in self.words.into_iter().enumerate() {
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn example_of_pages_127_and_128() {
-        // Value 0 as doubleword, then the words of values 2 and 3.
+        // The configuration maps value 0 as a doubleword, then one word of value 2 and one word of value 3.
         let config = FrameConfig::master_reference([0x01, 0x03, 0x09, 0x0D]);
         let values = [0x1122_3344, 0, 0x5566, 0x7788];
         let built = config.build(|number| values[usize::from(number)]);

@@ -42,7 +42,7 @@ pub enum Direction {
 /// Step of a transfer in a job frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum UpDownStep {
-    /// MODE 01: starts a transfer (or ends it, see [`UpDownJob::cancel`]).
+    /// MODE 01: starts a transfer, or cancels it (see [`UpDownJob::cancel`]).
     Init {
         /// Returns the direction: upload or download.
         direction: Direction,
@@ -58,7 +58,7 @@ pub enum UpDownStep {
     },
     /// MODE 10 or 11: carries six bytes.
     Download {
-        /// True for the last block (MODE 11). The slave takes the bytes within the announced length.
+        /// True for the last block (MODE 11). The slave uses only its bytes within the announced length.
         last: bool,
         /// The six bytes of the block.
         data: [u8; BLOCK],
@@ -73,8 +73,8 @@ pub struct UpDownJob {
 }
 
 impl UpDownJob {
-    /// Creates a job. `offset` is the block length in an init job, otherwise the offset of the block, 0 to 4095 bytes.
-    /// With length 0 in an upload the slave selects the length.
+    /// Creates a job. In an init job, `offset` is the block length; in other jobs it is the offset of the
+    /// block, 0 to 4095 bytes. If the length of an upload is 0, the slave selects the length.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -85,7 +85,7 @@ impl UpDownJob {
         Ok(UpDownJob { offset, step })
     }
 
-    /// Creates the job that cancels any transfer: an upload init with address 0 and length 0.
+    /// Creates the job that cancels any transfer: an init job of an upload with address 0 and length 0.
     pub const fn cancel() -> Self {
         let step = UpDownStep::Init { direction: Direction::Upload, address: 0, sub_slave: 0 };
         UpDownJob { offset: 0, step }
@@ -117,7 +117,8 @@ impl UpDownJob {
         }
     }
 
-    /// Returns the usual answer to this job. It has the job's offset; the answer to an init job has offset 0.
+    /// Returns the usual answer to this job. The answer has the job's offset; only the answer to an init job
+    /// has offset 0.
     pub const fn answer(&self, result: UpDownResult) -> UpDownResponse {
         let offset = match self.step {
             UpDownStep::Init { .. } => 0,
@@ -126,7 +127,8 @@ impl UpDownJob {
         UpDownResponse { offset, result }
     }
 
-    /// Returns the answer to an upload init job with a length set by the slave, 0 to 4095 bytes.
+    /// Returns the answer to the init job of an upload, with the length that the slave has set, 0 to 4095
+    /// bytes.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -137,7 +139,7 @@ impl UpDownJob {
         Ok(UpDownResponse { offset: length, result: UpDownResult::Done })
     }
 
-    /// Returns the refusal with the offset of the expected block (16#0100), 0 to 4095.
+    /// Returns the refusal (16#0100) with the offset of the block that the slave expects instead, 0 to 4095.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -210,7 +212,7 @@ const fn mode(last: bool) -> u8 {
 pub enum UpDownResult {
     /// Init or download block accepted.
     Done,
-    /// Upload: six bytes. Bytes after the end of the range have no meaning.
+    /// Upload: six bytes. Bytes after the end of the transfer's length have no meaning.
     Data([u8; BLOCK]),
     /// The slave has refused the job with this error number, see [`updown_error`].
     Error(u16),
@@ -226,8 +228,8 @@ pub struct UpDownResponse {
 }
 
 impl UpDownResponse {
-    /// Returns the offset of the block, 0 to 4095. After an upload init job it is the length set by the slave,
-    /// otherwise 0. With error 16#0100 it is the offset that the slave expects.
+    /// Returns the offset of the block, 0 to 4095. In the answer to the init job of an upload it is the
+    /// length that the slave has set, or 0. With error 16#0100 it is the offset that the slave expects.
     #[inline]
     pub const fn offset(&self) -> u16 {
         self.offset
@@ -239,8 +241,8 @@ impl UpDownResponse {
         self.result
     }
 
-    /// Returns the frame of slave `slave` (0 to 127, on a bus 0 to 31). A BUSY answer has two bytes: the manual gives
-    /// it only status and offset.
+    /// Returns the frame of slave `slave` (0 to 127, on a bus 0 to 31). A BUSY answer has two bytes, because
+    /// the manual describes only status and offset for it.
     pub const fn frame(&self, slave: u8) -> Frame {
         let [low, high] = self.offset.to_le_bytes();
         let status = SERVICE | high;
@@ -260,10 +262,10 @@ impl UpDownResponse {
 
     /// Decodes the data field of an answer to `job`.
     ///
-    /// # Errors
-    /// Returns the errors of [`UpDownResponse::decode_alone`]; also [`CodecError::Mismatch`] if data are unrequested
-    /// or missing, and [`CodecError::OtherOffset`] if another block is acknowledged (the master's error 16#0001). The
-    /// offset of error answers is not compared: it may be the offset that the slave expects.
+    /// Returns the errors of [`UpDownResponse::decode_alone`]. Also returns [`CodecError::Mismatch`] if data
+    /// are missing or were not requested, and [`CodecError::OtherOffset`] if the answer acknowledges another
+    /// block (the master's error 16#0001). The offset of an error answer is not compared, because it may be
+    /// the offset that the slave expects.
     pub fn decode(job: &UpDownJob, payload: &Payload) -> Result<Self, CodecError> {
         let response = Self::decode_alone(payload)?;
         let wants_data = matches!(job.step, UpDownStep::Upload { .. });
@@ -286,7 +288,7 @@ impl UpDownResponse {
 
     /// Decodes the data field of an answer without the job, as a trace requires.
     ///
-    /// With BUSY set, any length from 2 bytes on is accepted and ERR is ignored.
+    /// If BUSY is set, any length from 2 bytes on is accepted and ERR is ignored.
     ///
     /// # Errors
     /// [`CodecError::OtherService`] for an answer to a parameter job, [`CodecError::Length`].
