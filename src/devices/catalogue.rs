@@ -1,4 +1,4 @@
-//! Catalogue of everything that can occur in a journal, for all devices: the sum of all registrations.
+//! Catalogue of everything that can occur in a journal of any device. It is the sum of all registrations.
 
 use super::traits::guest;
 use super::{BUS_KINDS, all, folder, of_hash, records};
@@ -19,7 +19,7 @@ pub(super) struct Generic {
     pub faults: &'static [&'static fault::FaultKind],
 }
 
-/// Returns the registrations that are the same for every device, then the registrations of each kind of bus.
+/// Returns the registrations that do not depend on the device, then the registrations of each kind of bus.
 pub(super) fn generic() -> impl Iterator<Item = Generic> {
     let own = [
         Generic { owner: "journal", records: journal::KINDS, rules: &[], faults: &[] },
@@ -49,7 +49,8 @@ fn registrations() -> impl Iterator<Item = Generic> {
     generic().chain(of_devices)
 }
 
-/// Returns the sum of all kinds of events, rules and kinds of faults. After this call, no device can be added.
+/// Returns all kinds of events, rules and kinds of faults. After this call, no device can be registered any
+/// more.
 pub fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
         let (mut kinds, mut rules): (Vec<&EventKind>, Vec<&Rule>) = Default::default();
@@ -57,7 +58,7 @@ pub fn catalogue() -> &'static Catalogue {
             kinds.extend(records);
             rules.extend(more);
         }
-        // Duplicates are removed, because devices may share the faults of their family.
+        // Devices may share the faults of their family, so duplicates are removed.
         kinds.sort_by_key(|kind| kind.number());
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());
@@ -68,7 +69,8 @@ pub fn catalogue() -> &'static Catalogue {
     &SUM
 }
 
-/// Returns all kinds of faults, in the order of their numbers. After this call, no device can be added.
+/// Returns all kinds of faults, in the order of their numbers. After this call, no device can be registered
+/// any more.
 pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
     static SUM: LazyLock<Vec<&'static fault::FaultKind>> = LazyLock::new(|| {
         let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.emulation.faults));
@@ -80,7 +82,8 @@ pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
     &SUM
 }
 
-/// Returns the kinds of faults that the folders which this process has read declare, in the order of reading.
+/// Returns the kinds of faults that device folders declare. Only folders that this process has read count.
+/// The kinds are in the order of reading.
 pub(crate) fn declared_fault_kinds() -> Vec<&'static fault::FaultKind> {
     folder::declared_fault_kinds()
 }
@@ -101,8 +104,7 @@ pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::Faul
     of_hash(layout.layout_hash).map_or(&[], |known| known.emulation.faults)
 }
 
-/// Returns the fault targets of a bus of this family with these participants; bit n stands for participant
-/// n.
+/// Returns the fault targets of a bus of this family. In `participants`, bit n means participant n.
 pub fn bus_site(family: &str, participants: u32) -> BusSite {
     let kind = BUS_KINDS.iter().find(|kind| kind.name == family);
     let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
@@ -169,7 +171,8 @@ mod tests {
         }
     }
 
-    /// A rule may belong to several devices, so a page without the name of its manual is ambiguous.
+    /// A rule may apply to several devices. So a page number in a rule is ambiguous without the name of its
+    /// manual.
     #[test]
     fn pages_of_rules_name_their_manual() {
         for rule in catalogue().rules.iter().filter(|rule| rule.source().contains("p. ")) {

@@ -1,5 +1,5 @@
-//! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions; all keys are
-//! read by the device or the bus itself.
+//! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions. The
+//! device or bus itself reads the keys of its section.
 
 use super::{BuildError, Bus, Device, Plug, faults_of_device};
 use crate::can;
@@ -34,7 +34,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// Settings that are allowed but are probably a mistake, as far as the device itself can detect them.
+    /// Settings that are allowed but are probably a mistake, if the device itself can detect this.
     fn doubts(&self) -> Vec<Doubt> {
         Vec::new()
     }
@@ -49,21 +49,22 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// True if `port` is a drive on its bus, as [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running
-    /// device.
+    /// True if `port` is a drive on its bus. The running device has the corresponding function
+    /// [`DeviceView::is_drive`](super::DeviceView::is_drive).
     fn is_drive(&self, port: PortNumber) -> bool {
         let _ = port;
         false
     }
 
-    /// Rates that the device supports at this port, in kbit/s. Empty if it accepts any rate, or the bus has no rate.
+    /// Rates that the device supports at this port, in kbit/s. Empty if the device accepts any rate, or if
+    /// the bus has no rate.
     fn kbit_s(&self, port: PortNumber) -> Vec<u16> {
         let _ = port;
         Vec::new()
     }
 
-    /// Returns frames that the device sends and receives at this port with its program at delivery, as far as they are
-    /// known before the device runs.
+    /// Returns the frames that the device, with its program at delivery, sends and receives at this port.
+    /// Only frames that are known before the device runs are included.
     fn messages(&self, port: PortNumber) -> Vec<Message> {
         let _ = port;
         Vec::new()
@@ -74,8 +75,8 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         0
     }
 
-    /// Returns the area that NOVRAM stores (its first structure); `None` if the device has no NOVRAM registers.
-    /// [`Device::novram`] returns the stored part.
+    /// Returns the area that NOVRAM stores. Its first structure contains the stored registers. `None` if the
+    /// device has no NOVRAM registers. [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
         None
     }
@@ -85,17 +86,18 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         0
     }
 
-    /// Returns the slot of the device in a controller, if it is an option card.
+    /// If the device is an option card, returns its slot in a controller.
     fn card_place(&self) -> Option<CardPlace<'_>> {
         None
     }
 
-    /// Returns the folder with the files of the device, if it is not a device of the program.
+    /// Returns the folder with the files of the device. `None` if the device is a part of the program.
     fn folder(&self) -> Option<&Path> {
         None
     }
 
-    /// Builds device number `index` of the plant in this image, and its ports, which are not plugged in yet.
+    /// Builds device number `index` of the plant in this image, and its ports. The ports are not connected
+    /// yet.
     ///
     /// # Errors
     /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
@@ -103,8 +105,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
 }
 
-/// Returns a number that differs between plants with different settings of a device or bus, within one version of
-/// commram.
+/// Returns a number that distinguishes different settings of a device or bus within one version of commram.
 #[must_use]
 pub fn settings_number(settings: &dyn fmt::Debug) -> u64 {
     XxHash3_64::oneshot(format!("{settings:?}").as_bytes())
@@ -117,7 +118,7 @@ pub struct CardPlace<'a> {
     pub controller: &'a str,
     /// Number of the slot, from 1.
     pub slot: u8,
-    /// Trigger that is connected to the card: 1 or 2.
+    /// Trigger of the controller that is connected to the card: 1 or 2.
     pub trigger: u8,
 }
 
@@ -130,7 +131,7 @@ pub struct PortConfig<'a> {
     pub name: &'a str,
     /// Bus to which the port is connected.
     pub bus: Option<&'a str>,
-    /// Number of the port on the bus, if stations have numbers; a master has none.
+    /// Number of the port on the bus. `None` if the stations of the bus have no numbers, and for a master.
     pub address: Option<u8>,
 }
 
@@ -158,7 +159,7 @@ pub struct Doubt {
     pub section: String,
     /// Key of the doubtful setting, if the section contains it.
     pub key: &'static str,
-    /// Text about the doubtful setting, with a better one.
+    /// Description of the doubtful setting, with a better setting.
     pub text: String,
 }
 
@@ -175,7 +176,7 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// Settings that are allowed but are probably a mistake on a bus with these masters.
+    /// Settings that are allowed but are probably a mistake, if the bus has these masters.
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let _ = masters;
         Vec::new()
@@ -184,12 +185,12 @@ pub trait BusSection: fmt::Debug + Send + Sync {
     /// Kind of the bus, one of [`BUS_KINDS`](super::BUS_KINDS).
     fn family(&self) -> &'static str;
 
-    /// Participants that are not ports of devices: name and number.
+    /// Names and numbers of the participants that are not ports of devices.
     fn participants(&self) -> Vec<(&str, u8)> {
         Vec::new()
     }
 
-    /// Returns frames on the bus that do not depend on its devices.
+    /// Returns the frames on the bus that do not depend on the devices.
     fn messages(&self) -> Vec<Message> {
         Vec::new()
     }
@@ -199,13 +200,13 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// True if two participants with the same number are an error. If false, they are only a doubt, because a device
-    /// may get another number before it is switched on.
+    /// True if two participants with equal numbers are an error. If false, they are only a doubt, because a
+    /// device may get another number before it is switched on.
     fn refuses_equal_numbers(&self) -> bool {
         true
     }
 
-    /// True if the bus has one master: only one port, the master, may have no number.
+    /// True if the bus has one master. Then only one port may have no number: the master.
     fn has_one_master(&self) -> bool {
         false
     }
@@ -222,7 +223,7 @@ pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 
 /// A kind of bus.
 pub struct BusKind {
-    /// Name of the kind, in the plant file and as the family of ports in layouts.
+    /// Name of the kind. Plant files use it, and layouts use it as the family of a port.
     pub name: &'static str,
     /// Kinds of journal records of the bus.
     pub records: &'static [&'static EventKind],
@@ -230,21 +231,22 @@ pub struct BusKind {
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the bus, of its participants and of its ports.
     pub faults: &'static [&'static fault::FaultKind],
-    /// Checks that the bus can have a fault of one of these kinds; the error contains the reason.
+    /// Checks that the bus can have a fault of one of these kinds. The error names the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn BusSection>,
-    /// JSON schema of the keys of the `[[bus]]` section, except `kind`; `#/definitions/name` is the schema of names.
-    /// Devices can use the definitions of this schema, too.
+    /// JSON schema of the keys of the `[[bus]]` section, except `kind`. `#/definitions/name` is the schema of
+    /// names. Devices can also use the definitions of this schema.
     pub schema: fn() -> serde_json::Value,
     /// Type of the messages at the doors to this bus.
     pub traffic_kind: TrafficKind,
-    /// Describes the meaning of a frame on this bus, for people; empty if its users define the meaning.
+    /// Describes the meaning of a frame on this bus for users. Empty if the users of the bus define the
+    /// meaning.
     pub describe: fn(&can::Frame) -> String,
     /// Creates the placeholder bus for ports of this family that are not connected.
     pub unplugged: fn() -> Box<dyn Bus>,
-    /// True if a port with this [`Plug::socket`] also works without a connection, and therefore needs a placeholder bus
-    /// of its own.
+    /// True if a port with this [`Plug::socket`] also works without a connection. Such a port needs a
+    /// separate placeholder bus.
     pub runs_alone: fn(&dyn Any) -> bool,
 }
 
@@ -276,7 +278,7 @@ mod tests {
         }
     }
 
-    /// Each default is the value that [`DeviceConfig`] documents.
+    /// The default of each function is the value that [`DeviceConfig`] documents.
     #[test]
     fn device_defaults_are_empty() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());

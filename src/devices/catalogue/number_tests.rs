@@ -4,7 +4,7 @@ use super::*;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// If this variable has any value, the test writes the table of the page again.
+/// If this environment variable is set, the test writes the table of the page again.
 const UPDATE: &str = "COMMRAM_UPDATE_EVENTS";
 const PAGE: &str = "docs/internals/architecture.md";
 const HEAD: &str = "| owner | kinds of records with their numbers |\n|---|---|\n";
@@ -17,7 +17,7 @@ fn taken() -> BTreeMap<u8, (&'static str, &'static EventKind)> {
     for Generic { owner, records, .. } in registrations() {
         for kind in records {
             let (first, known) = *taken.entry(kind.number()).or_insert((owner, *kind));
-            // Devices may share the kinds of their family.
+            // Devices may share the kinds of records of their family.
             let (number, name) = (kind.number(), kind.name());
             assert!(
                 core::ptr::eq(known, *kind),

@@ -11,7 +11,7 @@ const PWM_HZ: core::ops::RangeInclusive<u8> = 20..=200;
 /// Type of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
-    /// Inputs at connectors 1, 3, 5 and 7, inputs or outputs at the other connectors.
+    /// CR2010: inputs at connectors 1, 3, 5 and 7; inputs or outputs at the other connectors.
     Cr2010,
     /// Outputs in four pairs.
     Cr2011,
@@ -27,7 +27,8 @@ impl Model {
         }
     }
 
-    /// Returns the number of configuration values: one for each connector, or pair.
+    /// Returns the number of configuration values: one for each connector, or one for each pair of
+    /// connectors.
     #[must_use]
     pub const fn values(self) -> usize {
         match self {
@@ -76,7 +77,8 @@ pub enum Role {
     AnalogInput(usize),
     /// Number of the output word, 0 to 3.
     AnalogOutput(usize),
-    /// Driven by a signed word: number of the word, and whether a positive value drives this connector.
+    /// The connector is driven by a signed word. The first field is the number of the word. The second field
+    /// is true if positive values drive this connector, and false if negative values do.
     Signed(usize, bool),
 }
 
@@ -128,13 +130,14 @@ impl Channels {
         self.model == Model::Cr2011 && self.kinds.get(pair) == Some(&channel::CURRENT_OUTPUT)
     }
 
-    /// True if the module has any analog value to send.
+    /// True if the module has at least one analog value to send.
     #[must_use]
     pub fn has_words(&self) -> bool {
         (0..CHANNELS).any(|it| matches!(self.role(it), Role::AnalogInput(_)) || self.reports_current(it))
     }
 
-    /// Returns the value that drives a connector, from a byte of bits and four words.
+    /// Returns the value that drives a connector. `bits` contains the digital outputs, `words` the analog
+    /// outputs.
     #[must_use]
     pub fn driven(&self, connector: usize, bits: u8, words: [u16; 4]) -> u16 {
         let word = |index: usize| words.get(index).copied().unwrap_or(0);

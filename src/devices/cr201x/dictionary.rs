@@ -36,7 +36,7 @@ fn object(at: EntryAddress) -> Result<&'static Object, Abort> {
     DEVICE.object(at.index, at.sub).ok_or(missing)
 }
 
-/// Converts a sub-index, counted from 1, into an index.
+/// Returns the index for a sub-index. Sub-indices are counted from 1, indices from 0.
 fn index(at: EntryAddress) -> usize {
     usize::from(at.sub).saturating_sub(1)
 }

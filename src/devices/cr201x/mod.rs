@@ -1,6 +1,6 @@
-//! ifm's I/O modules CR2010 and CR2011, with the functions that a CS0015 uses (Systemhandbuch Platinensteuerung CS0015,
-//! section 5.10). The internal behaviour of the modules is a choice of commram (D-450, D-451), so this emulation is not
-//! a reference for a real module.
+//! ifm's I/O modules CR2010 and CR2011, with the functions that a CS0015 uses (Systemhandbuch
+//! Platinensteuerung CS0015, section 5.10). commram defines the internal behaviour of the modules (D-450,
+//! D-451), so this emulation is not a reference for a real module.
 
 #[cfg(feature = "emulator")]
 mod channels;

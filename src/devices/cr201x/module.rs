@@ -18,7 +18,8 @@ use crate::memory::{FirmwareHeader, MemoryError, Segment, View};
 use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
-/// Errors that the module reports: an open line, as on p. 44 for a CS0015, and missing guarding.
+/// Errors that the module reports: an open line, with the code that p. 44 defines for a CS0015, and missing
+/// guarding.
 const OPEN_LINE: Cause = Cause { code: 0x2100, register: 1 << 1 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 
@@ -39,7 +40,7 @@ pub(super) struct Module {
     node: u8,
     registers: View<CR201X_CHANNELS>,
     face: FirmwareHeader,
-    /// Configuration as last written, which is kept without supply.
+    /// Configuration that was last written. It is kept without supply.
     written: Channels,
     /// Configuration of the channels in force.
     channels: Channels,
@@ -51,9 +52,9 @@ pub(super) struct Module {
     guarded: NodeGuarding,
     server: Server,
     errors: Errors,
-    /// Digital inputs as last sent; `None` since the module became Operational.
+    /// Digital inputs that were last sent; `None` if none were sent since the module became Operational.
     reported_inputs: Option<u8>,
-    /// Outputs that wait for SYNC, and the outputs in force.
+    /// Outputs that wait for SYNC. `outputs` has the outputs in force.
     waiting: PdoValues,
     outputs: PdoValues,
     out: Vec<Frame>,
@@ -106,7 +107,8 @@ impl Module {
 
     fn set_state(&mut self, state: State) {
         let before = core::mem::replace(&mut self.state, state);
-        // A configuration that a master wrote in another state takes effect from Pre-Operational on (p. 79).
+        // A master may have written a configuration in another state. It takes effect when the module enters
+        // or leaves Pre-Operational (p. 79).
         if before == State::PreOperational || state == State::PreOperational {
             self.channels = self.written;
         }
@@ -131,7 +133,7 @@ impl Module {
     }
 
     fn sdo(&mut self, data: &[u8], now: u64) {
-        // A frame of another length is not an SDO.
+        // A frame with a length other than eight bytes is not an SDO.
         let Ok(request) = data.try_into() else { return };
         let inputs = PdoValues { bits: self.digital_inputs(), words: self.words() };
         let entries = &mut Entries {
@@ -179,8 +181,8 @@ impl Module {
         }
     }
 
-    /// Returns the measured values: of analog inputs, or the current of a pair. The current is the set value while the
-    /// line is not open.
+    /// Returns the measured values: the values of analog inputs, or the current of a pair. The current equals
+    /// the set value unless the line is open.
     fn words(&self) -> [u16; 4] {
         let analog = [FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8];
         core::array::from_fn(|pair| {
@@ -207,7 +209,8 @@ impl Module {
         }
     }
 
-    /// Outputs in a PDO wait for SYNC (p. 38); outputs that the PDO does not contain keep their values.
+    /// Stores the outputs of a PDO, which take effect with SYNC (p. 38). Outputs that the PDO does not
+    /// contain keep their values.
     fn take_over(&mut self, id: u16, data: &[u8]) {
         if id == DIGITAL_OUTPUTS {
             self.waiting.bits = data.first().copied().unwrap_or(self.waiting.bits);
@@ -254,7 +257,7 @@ impl Module {
             registers.a_INPUT[connector].store(match self.channels.role(connector) {
                 Role::DigitalInput => u16::from(bits >> connector & 1),
                 Role::AnalogInput(_) => words[pair],
-                // The input at which the master reads the current (p. 85).
+                // The master reads the current of the pair at this input (p. 85).
                 _ if self.channels.reports_current(pair) && !connector.is_multiple_of(2) => words[pair],
                 _ => 0,
             });

@@ -35,7 +35,8 @@ fn read(keys: &str) -> Result<Arc<dyn DeviceConfig>, toml::de::Error> {
 }
 
 impl Bench {
-    /// Returns a module just powered on, with these keys in the plant file in addition to name and Node-ID.
+    /// Returns a module that has just been powered on. In the plant file it has these keys in addition to
+    /// name and Node-ID.
     fn new(keys: &str) -> Self {
         let segment = Segment::of(&DEVICE);
         let config = read(&format!("node_id = {NODE}, {keys}")).unwrap();
@@ -106,7 +107,8 @@ fn each_mistake_in_a_plant_file_is_named() {
     }
 }
 
-/// Manual p. 38: digital inputs are sent when they change, analog inputs and all outputs with SYNC.
+/// Manual p. 38: digital inputs are sent when they change. Analog inputs are sent, and all outputs take
+/// effect, with SYNC.
 #[test]
 fn a_cr2010_exchanges_inputs_and_outputs() {
     let mut bench = Bench::new("module = 'cr2010', channels = [1, 2, 1, 3, 0, 4, 0, 0]");
@@ -162,7 +164,7 @@ fn a_cr2011_reports_the_current_of_its_pairs_and_open_lines() {
     assert_eq!(bench.heard(), [(0x083, vec![0; 8])]);
 }
 
-/// Manual p. 79, 83: a value written in Operational takes effect after Pre-Operational.
+/// Manual p. 79, 83: a value that is written in Operational takes effect only after Pre-Operational.
 #[test]
 fn a_configuration_takes_effect_in_pre_operational() {
     let mut bench = Bench::new("module = 'cr2011'");
@@ -214,12 +216,12 @@ fn a_module_answers_guarding_and_reports_missing_guarding() {
     assert_eq!(bench.exchange(0, &[129, NODE]), [(0x703, vec![0])]);
 }
 
-/// Identifiers, chosen so that many have a meaning for the module.
+/// Random identifiers. Many of them have a meaning for the module.
 fn identifier() -> impl Strategy<Value = u16> {
     prop_oneof![Just(0), Just(0x80), Just(0x603), Just(0x203), Just(0x303), 0..0x800_u16]
 }
 
-/// Data, chosen so that many have a meaning: network management, SDOs, random bytes.
+/// Random data. Many of them have a meaning: network management, SDOs, random bytes.
 fn data() -> impl Strategy<Value = Vec<u8>> {
     let management = (proptest::sample::select(&[1_u8, 2, 128, 129, 130][..]), 0..5_u8);
     let sdo = (any::<u8>(), 0..DEVICE.objects.len(), any::<[u8; 4]>()).prop_map(|(command, at, value)| {
@@ -237,7 +239,7 @@ fn data() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// Each request has one answer while there is an SDO server, and no frame stops the module.
+    /// Each request gets one answer while there is an SDO server, and no frame stops the module.
     #[test]
     fn random_frames_never_stop_the_node(
         frames in proptest::collection::vec((identifier(), data()), 0..25),
