@@ -170,7 +170,7 @@ fn nothing_is_overwritten_and_an_incomplete_project_is_removed() {
     assert_eq!(finish_on_a_full_disk(commram().args(["new", "-"])).code, Some(4));
 }
 
-/// The signal arrives at another moment each time.
+/// In each round, the signal arrives at another moment of the command.
 #[test]
 fn an_interrupted_project_is_complete_or_removed() {
     let directory = TempDir::new().unwrap();
@@ -199,7 +199,7 @@ fn a_dash_prints_the_plant_alone() {
     assert!(run(&["plant", "new", "x.toml"]).fails(2).contains("tip: write `commram new DIR`"));
 }
 
-/// All commands that read the folder would refuse its path.
+/// The path contains a character that all commands refuse when they read the folder. So `new` refuses it, too.
 #[test]
 fn a_device_with_control_characters_in_its_path_is_not_made() {
     let directory = TempDir::new().unwrap();

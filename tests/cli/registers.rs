@@ -105,7 +105,8 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
     assert_eq!(emulator.peek(&["%MD10000000", "%MD10000004"]), "16#00000000 16#00000005", "cold, but forced");
 }
 
-/// Decision D-29: the emulator is informed of a write by `poke`; a write of an equal value leaves no trace in the RAM.
+/// Decision D-29: a write of an equal value leaves no trace in the RAM. A write by `poke` goes through the channel, so
+/// the emulator knows of it.
 #[test]
 fn a_restart_written_over_the_value_of_bit_7_restarts() {
     let emulator = Emulator::stepped();
@@ -308,7 +309,8 @@ fn a_dump_with_all_registers_has_the_reserved_ones_too() {
     assert_eq!(lines(&["%MW3.200002"]), 1);
 }
 
-/// A structure that is currently not live is RAM with another meaning, so its registers are not shown.
+/// Where a structure is not live, its RAM contains the registers of another structure. So the registers of the first
+/// one are not shown.
 #[test]
 fn a_dump_of_a_structure_that_is_not_live_is_empty() {
     let emulator = Emulator::stepped();

@@ -21,7 +21,8 @@ fn a_shortened_image_ends_the_emulator_with_a_message() {
     }
 }
 
-/// The missing part has not been accessed yet, and the watchdog has not checked the image.
+/// The emulator receives the request to end before it has accessed the missing part, and before the watch has checked
+/// the image.
 #[test]
 fn a_stop_right_after_the_damage_still_reports_it() {
     let directory = tempfile::tempdir().unwrap();
@@ -34,7 +35,8 @@ fn a_stop_right_after_the_damage_still_reports_it() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// The previous content of NOVRAM is better than the zeros of the lost part.
+/// The lost part reads as zeros. The emulator must not write these zeros to NOVRAM, so the file keeps its previous
+/// content.
 #[test]
 fn nothing_of_a_shortened_image_gets_into_novram() {
     use commram::devices::omega_drive_line_2::registers::RETAIN;
@@ -122,7 +124,7 @@ fn an_image_without_enough_memory_is_refused_with_the_needed_size() {
     );
 }
 
-/// No memory is allocated even for the first image: it would be useless, and other programs need the memory.
+/// If the memory is not enough for all images, no memory is allocated for any of them, because other programs need it.
 #[test]
 fn images_that_do_not_fit_together_are_refused_before_the_first_is_made() {
     let plant = "for plc in a b c d; do printf '[[plc]]\\nname = \"%s\"\\ndip = 0\\n' $plc; done >/tmp/$COMMRAM_INSTANCE";

@@ -134,7 +134,7 @@ fn a_motor_in_python_closes_the_loop_of_a_drive() {
     let (from, exchange) = (begin.to_str().unwrap(), exchange.to_str().unwrap());
     let mut journals = Vec::new();
     for count in [1, 2] {
-        // The exchange and the model are federates, too.
+        // The broker expects the exchange and the model in addition to the federates of the plant.
         let broker = Broker::start(&helics, if count == 1 { 2 } else { 4 });
         let motor = Model::start(&helics, &model, &broker, &[]);
         let first = broker
@@ -205,7 +205,7 @@ fn the_plant_ends_after_its_last_model() {
         let broker = Broker::start(&helics, 2);
         let model = Model::start(&helics, &written(&directory, "ends.py", &text), &broker, &[]);
         let mut emulator = broker.emulator(&[], &["--exchange", exchange.to_str().unwrap()]);
-        // The emulator may end before it has answered.
+        // The emulator may end before it answers this command, so the outcome is not checked.
         drop(emulator.run("step", &["100ms"]));
         model.end();
         assert_eq!(emulator.wait().code(), Some(0));

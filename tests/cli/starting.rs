@@ -74,7 +74,7 @@ fn a_detached_emulator_that_is_killed_during_its_start_is_an_error_with_the_sign
     }
 }
 
-/// The starting user may close the terminal and the outputs.
+/// After the start, the user may close the terminal and the outputs. The emulator must continue.
 #[test]
 fn a_detached_emulator_has_left_its_terminal_and_outputs() {
     let instance = Background::new();
@@ -146,7 +146,7 @@ fn a_command_right_after_a_background_start_works() {
     assert_eq!(finish(&mut shell).ok(), "16#0001\n");
 }
 
-/// The files of a killed emulator are not mistaken for those of its successor.
+/// Clients must not mistake the files of a killed emulator for those of the emulator that takes them over.
 #[test]
 fn clients_wait_for_the_successor_of_a_killed_one() {
     let instance = Background::new();
@@ -154,8 +154,8 @@ fn clients_wait_for_the_successor_of_a_killed_one() {
     let pid = started.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
     assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
     assert!(eventually(|| instance.run("step", &["1ms"]).code == Some(3)));
-    // The successor takes the locks first. Until it has written its name into the image, the image has the name of
-    // the killed emulator.
+    // The new emulator takes the locks first. Until it has written its process id into the image, the image contains
+    // that of the killed emulator.
     let lock = commram::memory::InstanceLock::take(&instance.0).unwrap();
     let image = std::fs::File::open(format!("/dev/shm/commram.{}.line", instance.0)).unwrap();
     image.lock().unwrap();

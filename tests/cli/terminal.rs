@@ -104,7 +104,7 @@ fn passed_is_green_and_failed_is_red() {
 #[test]
 fn a_long_step_shows_its_target_and_its_rate() {
     let emulator = Emulator::stepped();
-    // An idle plant would be at the target before the first text.
+    // The emulator advances an idle plant so fast that it would reach its target before the first progress text.
     emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
     let now: f64 = emulator.step(&["1ms"]).trim_end_matches(" s").parse().unwrap();
     let target = format!(" of {:.6} s, ", now + 86_400.0);

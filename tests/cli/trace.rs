@@ -196,7 +196,8 @@ fn following_prints_new_records_and_ends_with_the_emulator() {
     assert!(follower.line().contains("b_AC (%MB3.200013) := 16#FF"), "also while the clock is stopped");
     emulator.run("stop", &[]);
     let (code, rest, err) = follower.end();
-    // If a request is on its way when the emulator ends, the client gets the reason. A later request finds no emulator.
+    // The client may have a request in progress when the emulator ends, and then gets the reason. Otherwise its next
+    // request finds no emulator.
     let ended = format!("commram: note: instance '{}' ", emulator.name);
     assert_eq!((code, rest.as_slice()), (Some(0), &[][..]));
     assert!(err.starts_with(&ended) && err.lines().count() == 1, "{err}");
@@ -352,7 +353,8 @@ fn wireshark_reads_the_pcapng_format_and_writes_it_back() {
 fn following_frames_can_be_piped_into_the_tools() {
     let emulator = with_frames("10ms");
     let follower = follow(&emulator, &["--format", "candump", "--last", "0"]);
-    // The first poll may come after the step and then returns no frame, so step until a frame appears.
+    // If the first poll of the client comes after the step, it returns no frame. So the test steps until a frame
+    // appears.
     let Follower { child, mut lines, .. } = follower;
     let (send, receive) = std::sync::mpsc::channel();
     let reader = std::thread::spawn(move || {
@@ -439,8 +441,8 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
     }
 }
 
-/// Power-on makes `b_AC` of the initialization data live again, and the reset changes `b_CTRLREG_WRC2` at the same
-/// address.
+/// Two registers share an address: `b_AC` of the initialization data, which is live after power-on, and
+/// `b_CTRLREG_WRC2`, which the reset changes.
 #[test]
 fn a_waveform_shows_the_memory_of_registers_that_were_not_live() {
     let emulator = Emulator::start(&["--clock", "stepped", "--record", "node2"]);

@@ -99,7 +99,8 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
     }
 }
 
-/// The structure of overlaid registers depends on states before the snapshot. Node 1 is not initialized, node 2 is.
+/// States from before the snapshot decide which of two overlaid structures is live. Node 1 is not initialized, node 2
+/// is.
 #[test]
 fn readers_of_a_continued_journal_name_the_registers_of_the_valid_structure() {
     let directory = TempDir::new().unwrap();
@@ -133,8 +134,8 @@ fn readers_of_a_continued_journal_name_the_registers_of_the_valid_structure() {
     assert_eq!(continued(&other), expected);
 }
 
-/// The fault makes a change of the controller's state due at the present moment. The plant handles the change when the
-/// clock advances, also after a return to that moment.
+/// The fault causes a change of the controller's state at the present emulated time. The plant handles this change only
+/// when the clock advances. The same holds after a return to that time.
 #[test]
 fn an_event_that_is_due_at_the_moment_of_a_return_is_handled_later() {
     let directory = TempDir::new().unwrap();
@@ -163,8 +164,8 @@ fn an_event_that_is_due_at_the_moment_of_a_return_is_handled_later() {
     assert_eq!(journal(), handled);
 }
 
-/// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and
-/// with later records, and with records between the snapshot and the return.
+/// The journal never had the records from before the snapshot, so readers must not report them as lost. The test also
+/// goes back, with and without later records, and with records between the snapshot and the return.
 #[test]
 fn going_back_after_a_snapshot_loses_no_records() {
     let emulator = Emulator::stepped();
@@ -285,11 +286,12 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     drop(attached);
 }
 
-/// The emulator goes back only while no program has mapped the registers for writing. A client of the channel that
-/// maps them for a moment, while it connects, would be an obstacle.
+/// The emulator goes back only while no program has mapped the registers for writing. So a client of the channel must
+/// not map them, not even for a moment while it connects.
 #[test]
 fn connecting_clients_of_the_channel_do_not_map_registers() {
-    /// Without the rule, the server would see one of eleven clients with mapped registers.
+    /// If clients mapped the registers while they connect, the server would see this at about one of eleven clients. So
+    /// this number of clients is enough to notice it.
     const CLIENTS: usize = 120;
     let emulator = Emulator::stepped();
     emulator.step(&["5ms"]);

@@ -85,7 +85,8 @@ fn an_unread_emulator_serves_and_ends_in_good_order() {
     }
 }
 
-/// A note keeps the emulator in its start. Its images exist already.
+/// The emulator prints a note during its start, and its output is not read. So the start does not end, but the images
+/// exist already.
 #[test]
 fn an_unread_start_ends_in_good_order() {
     let (name, files) = (unique_name(), tempfile::tempdir().unwrap());
@@ -98,7 +99,8 @@ fn an_unread_start_ends_in_good_order() {
     assert_eq!((status.code(), files_of(&name)), (Some(0), NOTHING), "{status}");
 }
 
-/// A warning of the emulator itself: the channel that another program has shortened is lost.
+/// The emulator writes a warning because another program has shortened its channel. The output for this warning is not
+/// read.
 #[test]
 fn an_unread_warning_delays_no_end() {
     for number in ["-INT", "-TERM"] {
@@ -124,7 +126,8 @@ fn an_unread_warning_delays_no_end() {
     }
 }
 
-/// The background process would write its messages to a pipe that its parent reads to the end.
+/// The log of the background process must not be one of its outputs: the parent reads the outputs until they are
+/// closed.
 #[test]
 fn the_log_of_a_background_process_is_none_of_its_outputs() {
     let (name, files) = (unique_name(), tempfile::tempdir().unwrap());

@@ -1,5 +1,5 @@
-//! Programs of another version at today's emulator, and today's programs at an emulator that shows another version: a clear
-//! message, an exit code, and no process hangs.
+//! Programs of another version at today's emulator, and today's programs at an emulator that shows another version:
+//! each of them ends with a clear message and an exit code, and none hangs.
 #![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Outcome, finish, promised, python, run};

@@ -60,7 +60,7 @@ fn a_view_ends_with_its_terminal_or_on_request() {
     assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
 }
 
-/// The error output of the view is the closed terminal, too, so the view cannot write a message.
+/// The error output of the view is the terminal, which is closed. So the view cannot write a message.
 #[test]
 fn a_view_with_a_closed_terminal_ends_as_if_interrupted() {
     let emulator = Emulator::stepped();
@@ -78,7 +78,7 @@ fn a_view_draws_only_a_part_of_a_very_large_terminal() {
     for size in [(u16::MAX, u16::MAX), (1, u16::MAX), (u16::MAX, 1), (0, 0), (80, 24)] {
         resize(&terminal, size);
         Command::new("kill").args(["-WINCH", &view.id().to_string()]).status().unwrap();
-        // Time for the view to draw at this size.
+        // Gives the view time to draw at this size.
         drain(&mut terminal, Duration::from_millis(200));
     }
     let mut reader = terminal.try_clone().unwrap();

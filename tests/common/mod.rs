@@ -17,7 +17,7 @@ use std::time::{Duration, Instant, SystemTime};
 /// Time limit for each step of a test, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
-/// With a real-time clock, the machine's load decides whether a process is in time.
+/// Rules that are tolerated with a real-time clock: the machine's load then decides whether a process is in time.
 const TOO_LATE: [&str; 2] = ["late-reference", "late-actual"];
 
 /// Path of the program. In the tests of a crate with a separate device it is that crate's program.
@@ -46,9 +46,9 @@ pub(crate) fn commram() -> Command {
     command
 }
 
-/// Returns the path of an example program. `cargo test` builds the examples only if it runs all tests, so this
-/// function builds them unless they are newer than the sources. It does not build them in any case: a build of the
-/// workspace uses other features of dependencies, and cargo would compile everything again.
+/// Returns the path of an example program. `cargo test` builds the examples only if it runs all tests, so this function
+/// builds them unless they are newer than the sources. It does not always build them, because such a build has other
+/// features than a build of the workspace, and cargo would compile all dependencies again.
 pub(crate) fn example(name: &str) -> PathBuf {
     static BUILT: Once = Once::new();
     let example = PathBuf::from(PROGRAM).with_file_name("examples").join(name);
@@ -255,7 +255,7 @@ pub(crate) struct Emulator {
     /// Line that the emulator printed when it was ready.
     pub ready: String,
     child: Child,
-    /// The lock only allows threads to share an emulator.
+    /// Lines of the emulator's stderr. The mutex is needed only because threads share an emulator.
     err: Mutex<Option<mpsc::Receiver<String>>>,
     /// Errors that the access checker must find in this test. Any other error, or a missing one, fails the test.
     expected: Mutex<Vec<&'static str>>,
@@ -301,7 +301,7 @@ impl Emulator {
             let mut line = String::new();
             let _ = out.read_line(&mut line);
             let _ = send.send(line);
-            // Later output of the emulator must not block it.
+            // Reads and drops later output, so that a full pipe does not block the emulator.
             let _ = std::io::copy(&mut out, &mut std::io::sink());
         });
         this.ready = receive.recv_timeout(WATCHDOG).unwrap_or_default();

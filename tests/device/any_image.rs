@@ -170,8 +170,8 @@ fn registers_by_name(device: &'static DeviceLayout) -> Vec<(u64, usize)> {
     places.into_values().flatten().collect()
 }
 
-/// Random writes rarely hit a word that the firmware reads. Therefore each word in turn holds an undefined value for one
-/// processor cycle while all activities are in progress.
+/// Random writes rarely hit a word that the firmware reads. So in this test each word of the header page, one after the
+/// other, has an undefined value for a processor cycle, while all activities are in progress.
 #[test]
 fn each_word_may_hold_anything() {
     let mut rig = rig();

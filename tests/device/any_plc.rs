@@ -150,7 +150,7 @@ fn serve(rig: &Rig) {
 /// Restarts both PLCs and checks that everything works.
 fn start_over(rig: &mut Rig) {
     rig.plant.clear_faults();
-    // In the RAM the firmware is certain to see only a change of the value (D-29).
+    // A store of an equal value leaves no trace in the RAM (D-29). So the test stores another value before the restart.
     for init in [&rig.master_init, &rig.slave_init] {
         init.w_CPU_CONTROL.store(0x0001);
     }
@@ -208,8 +208,9 @@ proptest! {
     }
 }
 
-/// Values of `w_CPU_CONTROL` that a random generator would rarely draw, in every state of both nodes: all values of the lower
-/// half, with each bit of the upper half, which has no meaning. With `COMMRAM_ALL_VALUES`, all 65536 values.
+/// Tests values of `w_CPU_CONTROL` that a random generator would rarely draw, in every state of both nodes: all values
+/// of the lower byte, each with one bit of the upper byte, whose bits have no meaning. With `COMMRAM_ALL_VALUES`, all
+/// 65536 values.
 #[test]
 fn every_command_value_is_handled_in_every_state() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);
@@ -244,8 +245,8 @@ fn every_command_value_is_handled_in_every_state() {
     start_over(&mut rig);
 }
 
-/// A random generator rarely selects one register, and rarely keeps a value in it. In this test every byte of the image
-/// has one value, for a time in which the master counts to more slaves than a bus can have.
+/// A random generator rarely selects one register, and rarely keeps a value in it. In this test all bytes of the image
+/// have the same value. They keep it so long that the master counts to more slaves than a bus can have.
 #[test]
 fn every_byte_value_is_handled_for_forty_intervals() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);

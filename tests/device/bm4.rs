@@ -245,7 +245,7 @@ fn both_devices_meet_on_one_bus() {
     }
 }
 
-/// SYNC from outside: the master in slot G passes on the signal that the slave in slot H receives (D-12).
+/// SYNC from another PLC: the slave in slot H receives the signal, and the master in slot G passes it on (D-12).
 #[test]
 fn a_master_passes_the_sync_signal_of_another_slot_on() {
     let text = plant_text(500).replace("bus = 'fast'\n", "bus = 'fast'\nsync_in_from = 'H'\n");
@@ -262,8 +262,8 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     assert_eq!(header.sync_counter[0].load() - before, 5);
 }
 
-/// Decision D-29: if the register held 16#0000 before, the RAM does not show a restart; the block reports it, for its
-/// own slot.
+/// Decision D-29: if the register held 16#0000 before, the RAM does not show a restart. So the block reports the
+/// restart, for its own slot.
 #[test]
 fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -319,7 +319,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     }
 }
 
-/// Manual p. 27: a slave gets a number that another station already has.
+/// Manual p. 27: tests a slave whose number another station already has.
 #[test]
 fn a_taken_number_is_reported_with_its_slot() {
     let text =
@@ -462,7 +462,7 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(header.sync_counter[1].load(), 0, "no signal at the slave");
     assert_eq!(bm4.plant.next_sync(DeviceIndex(0), PortNumber(2)), None);
     assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), PortNumber(2)), "maxx:slotH is at no bus");
-    // Another module passes on the signal of this master.
+    // A second master, in another slot, passes on the signal of the master without a bus.
     bm4.bring_up(&[&nodes[2]], ..=Stage::SetUp);
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
@@ -697,7 +697,8 @@ fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     assert!(refused.contains("bus_off: slotJ is a drive of its bus"), "{refused}");
 }
 
-/// Manual p. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 in a position without a baud rate.
+/// Manual p. 27 and 29-31: the LEDs show an error at initialization, and a position of DIP switches 1 to 3 that has no
+/// baud rate.
 #[test]
 fn modules_with_wrong_switches_show_it_and_take_no_part() {
     let (together, alone) = (
@@ -769,7 +770,8 @@ fn modules_without_a_signal_give_a_warning() {
     }
 }
 
-/// Manual p. 46 and 75: an example of the manual calls the array of the tables on p. 59 and 90 by another name.
+/// Manual p. 46 and 75: the example of the manual uses another name for an array than the tables on p. 59 and 90. Both
+/// names are accepted.
 #[test]
 fn the_name_of_the_manuals_example_leads_to_the_register() {
     let bm4 = Bm4::new(&plant_text(500));

@@ -81,7 +81,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
     assert_eq!(event(&rig.plant, B, SYNC).0, 10);
 }
 
-/// Stops at events do not change what happens in the run.
+/// A plant that stops at events has the same journal as a plant that does not stop.
 #[test]
 fn a_watched_run_is_the_same_run() {
     let run = |watch: u16| {
@@ -220,8 +220,8 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     assert_eq!(answering, [1, 2], "the node and the drive");
 }
 
-/// 5.00005.03a p. 22 asks for different numbers only. A number is free after its station has got another number. A node
-/// without power loses its number to a node that is switched on (D-184).
+/// 5.00005.03a p. 22 only requires that the numbers differ. A number is free after its station has got another number.
+/// A node without power loses its number to a node that is switched on (D-184).
 #[test]
 fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     const C: usize = 2;

@@ -26,7 +26,8 @@ fn with_drives(memory: Memory, rate: crate::rig::Rate) -> Rig {
     rig
 }
 
-/// Manual 5.00005.03a p. 125 (slots), 5.01010.01 p. 20 (when a reference value acts); D-34.
+/// Tests the slots of frames (manual 5.00005.03a p. 125), and the time at which a reference value takes effect in a
+/// drive (5.01010.01 p. 20; D-34).
 #[test]
 fn a_reference_value_comes_back_as_actual_value_two_intervals_later() {
     for memory in BOTH {
@@ -189,8 +190,8 @@ fn the_second_deadline_follows_reference_value_frame_1() {
     }
 }
 
-/// Decision D-25: a number that no slave has requests no answer, whichever lower bits are set; the reference values are
-/// still sent.
+/// Decision D-25: if no slave has the number, no slave answers, independently of the lower bits. The master still sends
+/// the reference values.
 #[test]
 fn an_unused_slave_number_requests_no_answer() {
     for rate in FASTEST {
@@ -289,7 +290,7 @@ fn a_cluster_forwards_the_sync_signal() {
     }
 }
 
-/// Each frame counts with the time of its bits and of the bits that must follow it.
+/// The load of the bus counts each frame with the time of its own bits and of the intermission that must follow it.
 #[test]
 fn the_load_of_a_bus_is_the_time_of_its_frames() {
     for rate in FASTEST {

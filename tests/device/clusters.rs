@@ -26,8 +26,8 @@ fn frames(cluster: &Cluster, bus: BusIndex) -> usize {
     cluster.plant.journal().records().filter(of_bus).count()
 }
 
-/// Three PLCs, one below the other, and a drive: a value goes one level down in each interval, needs two intervals in
-/// the drive (D-34), and comes up again by one level in each interval.
+/// Three PLCs, one below the other, and a drive: a value goes down by one level per interval, needs two intervals in
+/// the drive (D-34), and comes back up by one level per interval.
 #[test]
 fn a_value_goes_through_three_levels_and_back() {
     for rate in RATES {
@@ -112,7 +112,8 @@ fn the_largest_two_level_cluster_runs() {
 #[test]
 fn a_run_on_several_cores_equals_a_run_on_one() {
     for rate in FASTEST {
-        // With steps shorter than a processor cycle, no cycle is skipped, and only few events are in one step.
+        // Runs with different numbers of cores and lengths of steps. In steps that are shorter than a processor cycle,
+        // the plant skips no cycle and handles few events per step.
         let outcomes = [(1, 250), (1, 2000), (2, 2000), (3, 2000)].map(|(cores, step_us)| {
             let mut cluster = Cluster::new(rate, &[32, 1]);
             cluster.plant.set_cores(NonZero::new(cores).unwrap());

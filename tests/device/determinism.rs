@@ -55,8 +55,8 @@ fn equal_runs_have_equal_journals_on_both_memories_in_any_slices() {
     }
 }
 
-/// A program may write `w_CANsync_STATUS`, which the firmware refreshes in every processor cycle (manual 5.00005.03a p. 150):
-/// the time at which the value is replaced does not depend on the slices.
+/// A program may write `w_CANsync_STATUS`, which the firmware refreshes in every processor cycle (manual 5.00005.03a p.
+/// 150): the time at which the firmware replaces the program's value does not depend on the length of the steps.
 #[test]
 fn a_store_to_the_status_is_replaced_at_the_same_time_in_any_slices() {
     let run = |slice_us: u64, is_set_up: bool, value: u16| {

@@ -94,7 +94,7 @@ fn count(value) { for i in 0..value { if !send(i, []) { write(\"card.w_COUNT\", 
     assert!(lines.iter().any(|line| line.ends_with(" no_bus")), "{lines:#?}");
     let lost = |lines: &[String], text: &str| lines.iter().filter(|line| line.ends_with(text)).count();
     assert_eq!(lost(&lines, "frame not sent: 16#001: the port is at no bus"), 1, "{lines:#?}");
-    // Alone at its bus, the card gets no acknowledgement.
+    // The card is the only station of its bus, so its frames get no acknowledgement.
     let mut bench = plant(&[("one", &card)]);
     bench.poke("card.w_DATA", 66).unwrap();
     bench.step("100ms").unwrap();
@@ -197,7 +197,7 @@ fn mistakes_about_ports_are_refused() {
     assert!(unknown.contains("others") && unknown.contains("open"), "{unknown}");
     let other = refused(&with, "profibus", "open");
     assert!(other.contains("profibus") && other.contains("can"), "{other}");
-    // A wrong frame stops the script, as every mistake of a running script.
+    // An invalid frame stops the script, like every other error of a running script.
     let card = Card::with_port("fn written(register, old, value) { send(0x800, []); }");
     let mut bench = plant(&[("one", &card)]);
     bench.poke("card.w_DATA", 1).unwrap();

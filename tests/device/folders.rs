@@ -201,7 +201,7 @@ fn written(register, old, value) {
     for register in ["card.w_COMMAND", "card.a_IN[7]", "card.w_COUNT"] {
         assert_eq!(bench.peek(register).unwrap(), 0, "{register}");
     }
-    // The device's own changes are no writes of the program.
+    // Changes that the device itself makes do not count as writes of the program.
     bench.step("5ms").unwrap();
     assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0);
 }
@@ -431,7 +431,7 @@ fn declared_faults_call_the_hook() {
     ] {
         assert!(lines.iter().any(|it| it.contains(line)), "{line}: {lines:#?}");
     }
-    // Back to a time at which the fault acts, and to a time before its begin.
+    // Goes back to a time at which the fault acts, and then to a time before the fault began.
     bench.back_to(acting).unwrap();
     assert_eq!((bench.peek("card.a_OUT[0]").unwrap(), bench.faults().unwrap().len()), (7, 1));
     bench.step("1ms").unwrap();
@@ -505,7 +505,7 @@ fn wrong_declared_faults_are_refused() {
     assert!(text.contains("did you mean input?"), "{text}");
     let text = refused(&mut bench, "flicker input=1 count=2");
     assert!(text.contains("count has no meaning for flicker"), "{text}");
-    // Two devices of the folder: the description names one of them.
+    // If a plant has two devices of the folder, the description of the fault must name one of them.
     let plant = |name: &str| format!("[[device]]\nname = '{name}'\nkind = '{}'\n", card.dir().display());
     let mut two = Bench::plant(&(plant("one") + &plant("two"))).unwrap();
     let text = refused(&mut two, "lost");
@@ -516,7 +516,7 @@ fn wrong_declared_faults_are_refused() {
     two.step("5ms").unwrap();
     let seen = ["one:card.w_COMMAND", "two:card.w_COMMAND"].map(|name| two.peek(name).unwrap());
     assert_eq!(seen, [4, 5]);
-    // In a plant file, and in the files of a folder.
+    // Tests errors in a plant file, and then errors in the files of a folder.
     let with = |fault: &str| PlantConfig::parse("plant", &format!("{}[[fault]]\n{fault}\n", plant("card")));
     with("kind = 'flicker'\ninput = 1").unwrap().resolved_faults().unwrap();
     let refused = with("kind = 'flicker'").and_then(|config| config.resolved_faults().map(drop)).unwrap_err();
@@ -586,7 +586,8 @@ fn each_toggled_bit_has_its_own_time() {
             seen.push((bench.now().unwrap(), bench.peek("card.w_COUNT").unwrap()));
         }
         seen.dedup_by_key(|(_, value)| *value);
-        // 5 ms after the polls at 0.5 ms and 3.5 ms.
+        // The first bit was seen at the poll at 0.5 ms, the second one at the poll at 3.5 ms. Each has its effect 5 ms
+        // later.
         assert_eq!(seen, [(4_100, 0), (5_500, 1), (8_500, 3)]);
         bench.back_to(middle).unwrap();
     }
@@ -723,7 +724,7 @@ fn a_wrong_script_is_refused_with_its_line() {
         let refused = Card::new(script).refused();
         assert!(refused.contains(message), "{script}: {refused}");
     }
-    // A function that something calls may have any name.
+    // A function that the script itself calls may have any name.
     let used = Card::new("fn power_on() { after(1, \"pol\"); }\nfn pol() { powr_on(); }\nfn powr_on() {}");
     assert!(folder::load(used.dir()).is_ok());
     let deep = format!("fn poll() {{ let x = {}1{}; }}", "(".repeat(200), ")".repeat(200));

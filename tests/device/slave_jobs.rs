@@ -195,7 +195,8 @@ fn a_change_is_shown_until_it_is_confirmed() {
     }
 }
 
-/// An answer that the master has not fetched is still outstanding, so another job counts as a change (p. 190).
+/// If the master has not fetched an answer, the old job is not finished. So another job of the master counts as a
+/// change (p. 190).
 #[test]
 fn an_answered_job_can_still_be_changed() {
     for rate in FASTEST {
@@ -290,7 +291,7 @@ fn a_job_outlives_the_sync_signal() {
     }
 }
 
-/// A frame that no grammar covers is not answered; the master detects it by t_RSPTO.
+/// A slave does not answer a frame that matches no grammar. The master detects the missing answer by t_RSPTO.
 #[test]
 fn a_frame_of_wrong_length_is_not_answered() {
     for rate in FASTEST {

@@ -146,7 +146,8 @@ fn a_cancelled_block_shows_at_the_slave() {
     }
 }
 
-/// Decision D-63: the master gets an end, not silence, when the slave's PLC leaves active operation.
+/// Decision D-63: when the slave's PLC leaves active operation, the jobs of the master end. They do not wait for an
+/// answer without end.
 #[test]
 fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
     for rate in FASTEST {
@@ -198,7 +199,8 @@ fn without_sync_nothing_is_due_and_nothing_is_lost() {
     }
 }
 
-/// The usual order (p. 132): the slaves first, into active operation too, then the master. D-06, p. 133, 176.
+/// The usual order of a start (p. 132): first the slaves go up to active operation, then the master starts. D-06, p.
+/// 133, 176.
 #[test]
 fn a_slave_that_is_active_before_its_master_sets_up_is_synchronized() {
     for rate in FASTEST {

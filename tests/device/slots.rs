@@ -126,7 +126,7 @@ fn jobs_and_answers_keep_their_own_length() {
     }
 }
 
-/// Receivers have a frame at the end of its end-of-frame field, not at the end of the intermission.
+/// Stations receive a frame at the end of its end-of-frame field, not at the end of the intermission after it.
 #[test]
 fn a_frame_is_there_before_the_intermission() {
     for rate in RATES {

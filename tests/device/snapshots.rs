@@ -81,7 +81,7 @@ proptest! {
     }
 }
 
-/// Meaningless initialization data are reported once, either before or after a snapshot.
+/// The firmware reports meaningless initialization data only once, even if a snapshot is restored between two checks.
 #[test]
 fn refused_initialization_data_are_reported_once_across_a_snapshot() {
     for text in [OMEGA, BM4] {
@@ -194,7 +194,7 @@ proptest! {
         let [swift, thorough] = &mut plants;
         for act in &acts {
             if let Act::Pass(us) = act {
-                // The steps are long enough that the journal completes records of repeated events.
+                // The steps are so long that counts of repeated events end and become records.
                 let us = us * 40;
                 swift.advance_to(swift.now() + us);
                 pass_each(thorough, us);

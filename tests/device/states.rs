@@ -115,7 +115,7 @@ fn the_mode_can_be_set_with_the_data_from_before_a_restart() {
     }
 }
 
-/// Without data from before the restart, the data in the registers count, as with 16#0002.
+/// A node that has no data from before the restart takes the data in the registers, as with the command 16#0002.
 #[test]
 fn the_mode_cannot_be_set_with_bad_data() {
     for rate in FASTEST {
@@ -149,7 +149,8 @@ fn a_new_command_is_reported_before_the_firmware_polls() {
     }
 }
 
-/// 16#0000 over 16#0000 is a restart if a program has stored it, and only then (D-29).
+/// A store of 16#0000 over 16#0000 is a restart. If a program has not stored it, the same value in the register is no
+/// restart (D-29).
 #[test]
 fn restarts_are_counted_where_they_are_stored() {
     for rate in FASTEST {
@@ -467,8 +468,8 @@ fn the_can_status_shows_what_the_controller_does() {
     }
 }
 
-/// Manual p. 148; 5.02066.01a p. 47: a program that reads the status of a master meets frames on the wire both ways, although SYNC
-/// edges and processor cycles are in step (D-604).
+/// Manual p. 148; 5.02066.01a p. 47: a program that polls the status of a master sees both sent and received frames on
+/// the wire, although SYNC edges and processor cycles have the same phase (D-604).
 #[test]
 fn a_master_is_seen_receiving_as_often_as_it_does() {
     const SENDING: u16 = 1 << 5;

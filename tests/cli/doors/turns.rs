@@ -133,7 +133,7 @@ fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
     assert!(!step.wait().unwrap().success());
 }
 
-/// The guest takes one turn after the other, so that the step never ends.
+/// The guest requests one turn after the other at the same emulated time, so the step never ends by itself.
 #[test]
 fn other_clients_are_served_during_turns_of_guests() {
     let mut emulator = start(OPEN, &["--clock", "stepped"]);

@@ -64,7 +64,8 @@ fn every_scenario_of_the_tutorial_passes_alike_on_a_running_instance() {
     std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
 }
 
-/// A script that prints, to the microsecond, when a change is seen and which requests take no time.
+/// A script that prints the emulated times at which verbs see changes, to the microsecond. It also shows which verbs
+/// take no time.
 const MOMENTS: &str = r#"
     print(`start ${now()}`);
     poke("node2.w_CPU_CONTROL", 1);

@@ -122,7 +122,7 @@ fn angle_references_are_masked_and_followed() {
             bench.regs.a_WR_VALUE[0].store(n * 100_000 + 7);
             assert_eq!(bench.command(EXCHANGE, 2000), 0x01);
         }
-        // P167 = 2000 us, P103 = 4 kHz: the lowest four bits do not count (manual p. 74).
+        // With P167 = 2000 us and P103 = 4 kHz, the lowest four bits of the position are not used (manual p. 74).
         assert_eq!(bench.regs.a_RD_VALUE[0].load(), (199 * 100_000 + 7) & 0xFFFF_FFF0);
         bench.step(500);
         assert_eq!(bench.p(258), (200 * 100_000 + 7) & 0xFFFF_FFF0);

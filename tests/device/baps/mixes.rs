@@ -98,7 +98,8 @@ impl Model {
             }
             Op::Clear => {
                 regs.b_MA_SEMAPHORE.store(0);
-                // A job that was given up before its answer must never be carried out, so the test counts it.
+                // The drive must never execute a job that the PLC has given up before the answer. The test counts these
+                // jobs to check this.
                 self.given_up += u32::from(self.job.take().is_some());
                 // The drive cannot see that the semaphore was 0 for less than a slice.
                 self.slice()?;

@@ -129,8 +129,8 @@ fn the_offset_says_when_reference_values_are_taken_over() {
     }
 }
 
-/// A trigger signal with another period than the SYNC slot of the drive moves the drive's time slices to its edges.
-/// Slices can then follow each other within less than 0.5 ms, but a ramp still takes its full time.
+/// A trigger signal may have another period than the SYNC slot of the drive. Each of its edges then moves the drive's
+/// time slices. Slices can then follow each other within less than 0.5 ms, but a ramp still takes its full time.
 #[test]
 fn a_ramp_takes_its_full_time_for_any_slices() {
     let speed_behind_a_ramp = |period_us: u32| {

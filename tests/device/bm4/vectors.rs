@@ -145,7 +145,7 @@ fn t11_and_t29() {
     assert_eq!((rig.slave.b_STATREG_AKT_CMD.load(), rig.slave.b_AKT_CMD.load()), (0x02, 0x80));
 }
 
-/// Only the block runs, without firmware, so that the test checks the block's own writes.
+/// The firmware does not run in this test. So the registers show exactly what the block has written.
 fn t20_and_t21() {
     for (us_BAUDRATE, us_SYNC_INTERVAL, timing, w_ERR) in
         [(6, 1, [0x40, 0x34], 0), (5, 2, [0x41, 0x34], 0), (4, 4, [0x43, 0x34], 0), (3, 8, [0x47, 0x34], 0)]

@@ -128,8 +128,8 @@ fn channel_stores_are_checked_at_ports_of_every_medium() {
     }
 }
 
-/// The end of the initialization data shares a word with the next register: a value there is reported once, not in
-/// every poll.
+/// The last initialization data and the next register share a 64-bit word. A value in that register must be reported
+/// once, not at every poll.
 #[test]
 fn an_error_at_the_end_of_the_initialization_data_is_reported_once() {
     for rate in FASTEST {

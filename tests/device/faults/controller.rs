@@ -128,7 +128,7 @@ fn a_frame_under_way_is_lost() {
     }
 }
 
-/// A node that is not yet on the bus cannot go BUS-off; the fault waits for it.
+/// A node that is not yet on the bus cannot go BUS-off. The fault waits until the node takes part.
 #[test]
 fn bus_off_waits_for_a_working_controller() {
     for rate in FASTEST {

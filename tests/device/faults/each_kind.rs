@@ -102,7 +102,7 @@ fn every_fault_kind_works_through_every_interface_and_ends_by_count_and_by_time(
             let rig = run(rate, &spec, &text, FaultEntry::Running);
             assert_eq!(rig.plant.faults().count(), 0, "{what} is over");
             let mut news = news(&rig);
-            // Hits that are still being counted are sorted after completed ones.
+            // Records whose counts still run follow all other records, so the news are sorted by time.
             news.sort_by_key(|(time, _, news)| (*time, *news == News::Over));
             let [(0, 1, News::Added), ref hit @ .., (over, 1, News::Over)] = news[..] else {
                 panic!("{what}: {news:?}")

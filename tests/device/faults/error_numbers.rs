@@ -15,7 +15,7 @@ enum ErrorSource {
     Block(u8, u32, u16),
     /// A download to slave node 0 that the fault with this text disturbs.
     Fault(&'static str),
-    /// A fault that answers in place of the slave.
+    /// The error comes from a fault, which answers in place of the slave.
     Slave,
 }
 

@@ -145,7 +145,7 @@ fn a_delayed_reference_frame_and_its_answer_come_late() {
     }
 }
 
-/// A frame is delayed over the SYNC edge and belongs to the next interval.
+/// A fault delays a frame beyond the SYNC edge. The frame then belongs to the next interval.
 #[test]
 fn a_frame_can_be_delayed_into_the_next_interval() {
     for rate in FASTEST {

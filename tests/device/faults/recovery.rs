@@ -1,4 +1,5 @@
-//! A fault leaves no trace after its end. Only the faulty station loses frames.
+//! After the end of a fault, the plant works as without the fault. During the fault, only the faulty station loses
+//! frames.
 
 use super::*;
 use crate::rig::{FASTEST, Memory};
@@ -10,8 +11,8 @@ use proptest::prelude::*;
 
 const BUS_OFF: u16 = 0x00C0;
 
-/// All frames of the slots have ended long before the controller goes off; the first frames after its return are new
-/// frames.
+/// When the controller goes off, all frames of the interval have ended. The first frames after its return must be new
+/// ones.
 #[test]
 fn the_first_command_after_bus_off_is_on_the_bus() {
     for rate in FASTEST {
@@ -79,7 +80,7 @@ fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
     }
 }
 
-/// The fault begins while a frame is built, which takes 15 us for each word.
+/// The fault begins while the firmware builds a frame, which takes 15 us for each word.
 #[test]
 fn a_controller_that_is_off_gets_no_frame_any_more() {
     for rate in FASTEST {
@@ -230,7 +231,8 @@ proptest! {
         after in prop::collection::vec(requests(), 8),
     ) {
         let mut rig = running(Memory::Heap, rate);
-        // Requests arrive faster than slaves answer, and no program reads the results.
+        // The test sends requests faster than slaves answer, and reads no results. So it tolerates all errors of the
+        // access checker.
         rig.tolerate_errors(&commram::devices::catalogue().rules);
         let begin = rig.plant.now();
         add(&mut rig, &format!("{text}\nat_us = {}", begin + rate.scaled(at)));

@@ -1,4 +1,4 @@
-//! Slaves that are off, late, busy, refusing, or mistaken about offsets.
+//! Faults of slaves: a slave is off, late or busy, refuses jobs, or answers with a wrong offset.
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};

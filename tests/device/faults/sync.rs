@@ -138,7 +138,7 @@ fn drives_of_a_restarted_master_lose_their_lock_in_time() {
     }
 }
 
-/// The drives continue also if the edge before the stop of the master was lost on the line.
+/// The drives also continue if a fault has removed the last edge before the stop of the master.
 #[test]
 fn drives_run_on_after_a_lost_edge() {
     for rate in FASTEST {
@@ -236,7 +236,7 @@ fn the_largest_jitter_is_a_quarter_of_the_interval() {
     }
 }
 
-/// The shift must not grow into a drift.
+/// Each edge is shifted by itself. The shifts must not add up.
 #[test]
 fn edges_return_to_their_regular_times() {
     for rate in FASTEST {

@@ -1,5 +1,5 @@
-//! The master's firmware alone on its registers, with the test as the bus: sent frames are returned, and the
-//! test makes the answers.
+//! The master's firmware on its registers, without a bus. The functions return the frames that it sends, and the test
+//! makes the answers.
 
 use crate::rig::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
 use crate::rig::{Memory, Rate, segment};

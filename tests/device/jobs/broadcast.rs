@@ -215,7 +215,8 @@ fn jobs_pending_at_once_go_out_in_the_order_of_their_areas() {
     }
 }
 
-/// 5.00005.03a p. 162: "history is not considered" applies also to the order among the lower areas.
+/// 5.00005.03a p. 162: the rule "history is not considered" also applies to the order of the lower areas among each
+/// other.
 #[test]
 fn a_parameter_job_in_every_interval_starves_an_up_or_download() {
     for rate in FASTEST {

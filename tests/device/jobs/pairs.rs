@@ -102,8 +102,8 @@ fn all_pairs_of_bytes_in_every_state_of_a_parameter_job() {
     }
 }
 
-/// All values of the control byte of an up-/download, in each phase of the job. A value may end the job, or make the
-/// master send a cancellation and no further frame. The status byte has no influence.
+/// All values of the control byte of an up-/download, in each phase of the job. After any value, either the job ends,
+/// or the master sends a cancellation and no further frame of the job. The status byte has no influence.
 #[test]
 fn all_control_bytes_in_every_phase_of_a_download() {
     for rate in FASTEST {

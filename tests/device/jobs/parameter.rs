@@ -270,7 +270,7 @@ fn mismatched_answers_count_as_missing() {
             bench.answer(0, &read, ParameterResult::Word(4));
             assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
         }
-        // The answer comes too late: the next interval has begun.
+        // This answer arrives after the begin of the next interval, which is too late.
         bench.enter_parameter(0, 0x03, 300, 9);
         assert_eq!(bench.parameter_job(), Some((0, read)));
         bench.regs.b_SL_NR_PARAMETER.store(1);

@@ -57,7 +57,8 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.b_SL_NR_CONTROLWORD.store(2);
             rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
         },
-        // The order of two stores between two runs of the firmware is unknown.
+        // If both stores are between two runs of the firmware, the checker does not know their order, and reports
+        // nothing.
         right: |rig| {
             rig.activate();
             rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);

@@ -54,7 +54,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
             rig.run_to_sync();
         },
-        // The program moves a value to another frame within one interval. Values 0 and 1 use separate words.
+        // The program may move a value to another frame within an interval. Values 0 and 1 have separate words.
         right: |rig| {
             rig.activate();
             rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);

@@ -108,8 +108,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &rules::RESERVED_REGISTER,
-        // Manual p. 51 of 5.02066.01a, p. 151 of 5.00005.03a: channels 3 to 8 have the addresses of the initialization
-        // data.
+        // 5.02066.01a p. 51, 5.00005.03a p. 151: the registers of channels 3 to 8 share their addresses with
+        // initialization data.
         register: "MASTER.b_CTRLREG_WRC3",
         value: |_| 0x05,
         wrong: |rig| {
