@@ -29,7 +29,7 @@ pub(crate) type Show<'a> = &'a dyn Fn(&str) -> io::Result<()>;
 /// The reason why a demonstration failed.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
-    /// The emulator has ended, or its memory cannot be used.
+    /// The emulator has ended, or its memory is not accessible.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// The name or address is not a register.
@@ -38,7 +38,7 @@ pub enum DemoError {
     /// The output cannot be written.
     #[error("cannot write: {0}")]
     Output(#[from] io::Error),
-    /// A register did not get the awaited value in time.
+    /// A register did not get the expected value in time.
     #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
     Stuck {
         /// Description of the awaited step of the demonstration.
@@ -52,7 +52,7 @@ pub enum DemoError {
         /// Duration of the wait, in real time.
         seconds: u64,
     },
-    /// A drive has not followed a reference value.
+    /// A drive has not reached a reference value.
     #[error("{0}")]
     NotFollowed(String),
 }

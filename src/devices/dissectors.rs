@@ -1,5 +1,5 @@
-//! Writes decoders in Lua of the frames and telegrams of buses, for the dissector of Wireshark. The decoders give the
-//! same texts as `commram trace`. Their tables are generated from the layouts.
+//! Writes decoders in Lua for the dissector of Wireshark. They decode the frames and telegrams of buses, with
+//! the same texts as `commram trace`. Their tables are generated from the layouts.
 
 use super::can_dp2::registers::descriptor::MEANING_MST_DSAP;
 use super::cansync::frames::FrameKind;
@@ -35,7 +35,7 @@ pub fn dissectors() -> String {
     text
 }
 
-/// Returns the ranges of values and their texts.
+/// Returns ranges of values, each with its text.
 fn texts(meaning: &'static Meaning) -> impl Iterator<Item = (u32, u32, String)> {
     meaning.values.iter().map(|value| (value.first, value.last, value.text.to_owned()))
 }

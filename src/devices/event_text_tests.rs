@@ -1,5 +1,5 @@
-//! Texts of each kind of event, for people and for programs. `tests/journal/events.txt` contains the agreed texts.
-//! `COMMRAM_UPDATE_EVENTS=1` renews the file; a change there is visible to every reader of journals.
+//! Texts of each kind of event, for users and for programs. `tests/journal/events.txt` contains the agreed
+//! texts. `COMMRAM_UPDATE_EVENTS=1` renews the file. Every reader of journals sees a change in this file.
 
 use super::samples::event_at;
 use super::{all, catalogue};
@@ -13,12 +13,12 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-/// Number of lines that are generated for each kind. A line is kept only if its words, without numbers, differ from all
-/// others.
+/// Number of lines that are generated for each kind. Of lines that differ only in numbers, only the first is
+/// kept.
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
-/// Returns a PLC of each device, named by a number like the buses.
+/// Returns a PLC of each device. Its name is a number, as the names of the buses are.
 pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
@@ -33,7 +33,7 @@ pub(super) fn line(mut format: impl Format, record: &Record) -> String {
     line
 }
 
-/// Returns words of a line without numbers and octets.
+/// Returns the words of a line, without numbers and octets.
 fn shape(line: &str) -> Vec<&str> {
     let words = line.split(|it: char| !it.is_alphanumeric() && it != '_');
     words
@@ -41,7 +41,7 @@ fn shape(line: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Events of the given kind. They are always the same, and are generated once for all tests.
+/// Returns events of the given kind. They are generated once for all tests, so all tests see equal events.
 pub(super) fn drawn(kind: &'static EventKind) -> &'static [Record] {
     static ALL: LazyLock<Vec<Vec<Record>>> =
         LazyLock::new(|| catalogue().kinds.iter().map(|kind| draw(kind)).collect());

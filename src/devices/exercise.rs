@@ -4,15 +4,15 @@ use core::ops::RangeInclusive;
 
 /// An exercise: a scenario with a middle part that is generated at random.
 ///
-/// The [`script`](Exercise::script) of the exercise defines a function for each [`Move`], and two more functions:
-/// `start()` brings a plant from power-on to the state in which moves are possible, and `recover()` brings it to this
-/// state from any other state. These functions may use `pass(us)`, which advances the clock in the slices of the run,
-/// and the names of the exercise's [setting](Exercise::settings).
+/// The [`script`](Exercise::script) of the exercise defines a function for each [`Move`], and two more
+/// functions: `start()` brings a plant from power-on to the state in which moves are possible. `recover()`
+/// brings it to this state from any other state. These functions may use `pass(us)`, which advances the clock
+/// in the slices of the run. They may also use the names of the exercise's [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
     /// Name of the exercise, unique among all exercises.
     pub name: &'static str,
-    /// Text of the plant file. Each `${NAME}` in it is replaced by the value with this name in the setting.
+    /// Text of the plant file. In it, `${NAME}` is replaced by the value that the setting has for this name.
     pub plant: &'static str,
     /// Alternative settings, each a list of names and values. A run uses one of the settings. Values are written as in
     /// a script.
@@ -23,16 +23,16 @@ pub struct Exercise {
     pub moves: &'static [Move],
     /// Actions that a program must not take.
     pub wrongs: &'static [Wrong],
-    /// Rules of warnings that a correct program can cause.
+    /// Rules with warnings that even a correct program can cause.
     pub allowed: &'static [&'static str],
 }
 
-/// Actions of a program. They start and end in a state in which all moves are possible, so moves can be made in any
-/// order, repeated, and omitted.
+/// Actions of a program. They start and end in a state in which all moves are possible. So moves can be made
+/// in any order, repeated, and omitted.
 #[derive(Debug)]
 pub struct Move {
-    /// Name of the function. Its first parameter is true if there are no faults and no stray stores, so that every step
-    /// must succeed as the manual specifies.
+    /// Name of the function. Its first parameter is true if there are no faults and no stray stores. Every
+    /// step must then succeed as the manual specifies.
     pub name: &'static str,
     /// Ranges of the other parameters of the function.
     pub parameters: &'static [RangeInclusive<i64>],

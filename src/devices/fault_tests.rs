@@ -23,7 +23,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
     toml::from_str::<FaultSpec>(text).unwrap().resolve(fault_kinds(), &names())
 }
 
-/// For each kind a description with all its fields, and its text in a list.
+/// For each kind, a description with all its fields, and the text of this fault in a list.
 const EACH_KIND: [(&str, &str); 33] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
@@ -117,7 +117,7 @@ fn descriptions_of_every_kind_are_read_and_written_alike() {
     assert_eq!(EACH_KIND.len(), fault_kinds().len());
 }
 
-/// Any fault that its kind allows, anywhere in this installation.
+/// Any fault that its kind allows, at any possible target in this installation.
 fn any_fault() -> impl Strategy<Value = Fault> {
     let kind = proptest::sample::select(fault_kinds());
     let values = proptest::array::uniform5(proptest::option::of(any::<u64>()));
@@ -356,7 +356,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
     }
 }
 
-/// Returns kinds with each of their fields and a value that suits it.
+/// Returns each kind together with each of its fields and a value that is possible for this field.
 fn each_field() -> impl Iterator<Item = (&'static FaultKind, usize)> {
     fault_kinds().iter().flat_map(|kind| (0..kind.fields().len()).map(|index| (*kind, index)))
 }
@@ -405,7 +405,7 @@ fn fields_that_can_hold_anything_are_those_that_say_where() {
     assert_eq!(spec.fields, expected.map(|(name, given)| (name.to_owned(), given)));
 }
 
-/// The rows of the page for users: every kind, and every field with its range, letter for letter.
+/// The rows of the page for users contain every kind, and every field with its range, letter for letter.
 #[test]
 fn the_documentation_lists_exactly_these_kinds_and_fields() {
     let page = include_str!("../../docs/reference/faults.md");
@@ -417,7 +417,7 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
     assert_eq!(table, expected, "{rows:?}");
 }
 
-/// Returns a kind in the table, a row for each of its fields.
+/// Returns the rows of a kind in the table, one for each of its fields.
 fn rows_of(kind: &'static FaultKind) -> Vec<String> {
     let acts_on = match kind.place() {
         TargetKind::Bus => "a bus",

@@ -12,9 +12,10 @@ const PAGE: &str = include_str!("../../docs/reference/journal.md");
 
 /// Fields of every line.
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
-/// Words that do not depend on the kind of the event: the latency, and words with more meaning than numbers.
+/// Words that do not depend on the kind of the event: the latency, and words that say more than numbers do.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
-/// Words with the prefix of their kind. They need octets or a text, which are not in the numbers of the event.
+/// Words that need octets or a text, with the prefix of their kind. The numbers of an event contain neither
+/// octets nor texts.
 const OF_OCTETS: [(&str, &str); 3] = [("dp_", "service"), ("dp_", "data"), ("finding", "note")];
 
 /// Row of the table for one kind.
@@ -35,8 +36,8 @@ fn rows() -> BTreeMap<&'static str, Row> {
     rows
 }
 
-/// Returns the words in backticks in a cell: names of fields and values. A word after `as` belongs to another table.
-/// Includes the words of the kind that the cell names with `as of`.
+/// Returns the words in backticks in a cell: names of fields and values. Leaves out a word after `as`,
+/// because it belongs to another table. Adds the words of the kind that the cell names with `as of`.
 fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static str> {
     let mut words = BTreeSet::new();
     for clause in cell.split(';') {
@@ -56,7 +57,7 @@ fn lines(kind: &'static EventKind) -> impl Iterator<Item = Map<String, Value>> {
     records.map(|record| serde_json::from_str(&line(Jsonl::new(names(), catalogue()), record)).unwrap())
 }
 
-/// Names end with the unit, and values with a unit are whole numbers; octets are pairs of digits.
+/// Names end with the unit. Values with a unit are whole numbers, and octets are pairs of digits.
 fn check_value(kind: &str, name: &str, value: &Value) {
     let is_whole = value.is_u64() || value.is_i64();
     assert!(!value.is_f64() && !value.is_array() && !value.is_object(), "{kind}: {name} is {value}");
@@ -123,8 +124,8 @@ fn each_kind_has_the_fields_of_its_row_and_no_others() {
     assert!(wrong.is_empty(), "docs/reference/journal.md and the lines differ:\n{}", wrong.join("\n"));
 }
 
-/// A new version of the format is needed if a field goes or gets another type; kinds and fields may be added without
-/// one.
+/// The format needs a new version if a field is removed or gets another type. If kinds and fields are only
+/// added, it needs no new version.
 #[test]
 fn fields_of_lines_are_only_added() {
     let mut fields = BTreeSet::new();

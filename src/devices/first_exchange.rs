@@ -1,7 +1,7 @@
 //! First exchange of a program with a device. `commram new` writes it as a scenario, as a test and as a program.
 
-/// A handshake with a device, directly after the start of an emulator with the device's template plant
-/// ([`Emulation::template`](super::Emulation)). Names of registers are without the PLC.
+/// A handshake with a device. It takes place directly after an emulator has started with the device's
+/// template plant ([`Emulation::template`](super::Emulation)). Names of registers do not contain the PLC.
 #[derive(Clone, Copy, Debug)]
 pub struct FirstExchange {
     /// Registers that the program writes, in this order, with their values.

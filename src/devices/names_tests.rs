@@ -1,4 +1,4 @@
-//! Tests of the search for names from the manuals, and of the meanings of values.
+//! Tests the search for names from the manuals, and the meanings of values.
 
 use super::bm4_o_can_06::registers::DEVICE as SLOTS;
 use super::omega_drive_line_2::registers::DEVICE;
@@ -73,7 +73,7 @@ fn additions_to_a_manual_name_their_decision() {
     let decode = |name: &str, value| DEVICE.register(name).unwrap().decode(value);
     assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
     assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");
-    // The last of several adjacent bits that follow from one decision names it.
+    // If one decision is the source of several adjacent bits, only the last of these bits names the decision.
     assert_eq!(decode("node2.a_CONTROLWORD_SL[1]", 0x0006), "enable voltage, no quick stop (D-87)");
     assert_eq!(decode("baps.w_STATUSWORD", 0x8001), "ready to switch on, quick stop (D-87), synchronized");
 }

@@ -191,7 +191,7 @@ impl Section {
         spans.into_iter().flatten().next().map_or(Ok(()), |span| Err(refused_at(span, text.to_owned())))
     }
 
-    /// Returns the settings of a master's program; `span` is the position of key `program`.
+    /// Returns the settings of a master's program. `span` is the position of the key `program` in the file.
     fn master(&self, own: u8, span: core::ops::Range<usize>) -> Result<MasterConfig, Error> {
         let name = self.name.as_str();
         let Some(nodes) = &self.nodes else {

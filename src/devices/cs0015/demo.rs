@@ -1,5 +1,5 @@
-//! The demo of `commram demo --device cs0015`: a master and a slave on one bus, the start of the network, PDOs in both
-//! directions, a missing slave (Systemhandbuch Platinensteuerung CS0015).
+//! The demo of `commram demo --device cs0015`: a master and a slave on one bus. It shows the start of the
+//! network, PDOs in both directions, and a missing slave (Systemhandbuch Platinensteuerung CS0015).
 
 use super::registers::DEVICE;
 use crate::devices::demo::{Actor, Demo, DemoError, Show};

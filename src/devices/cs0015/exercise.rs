@@ -1,5 +1,5 @@
-//! Exercises for `commram soak`: a CANopen slave with a master that reads and writes its entries, and a master with an
-//! I/O module.
+//! Exercises for `commram soak`. In one, a master reads and writes the entries of a CANopen slave. In the
+//! other, a master has an I/O module.
 
 use crate::devices::exercise::{Exercise, Move, Wrong};
 

@@ -40,16 +40,17 @@ pub enum Program {
     None,
     /// A built-in program, which switches CANopen on.
     BuiltIn {
-        /// Requests for PDOs in the second cycle: direction, PDO counted from 0, settings.
+        /// Requests for PDOs that the program makes in its second cycle: direction, PDO counted from 0,
+        /// settings.
         pdos: Vec<(PdoDirection, usize, PdoConfig)>,
         /// Cycle time in us.
         cycle_us: u64,
-        /// Supervision of the master; `None` keeps the stored settings.
+        /// Configuration of how the device supervises its master; `None` keeps the stored settings.
         guarding: Option<GuardingConfig>,
         /// Settings of a master; `None` for a slave.
         master: Option<MasterConfig>,
     },
-    /// The program is a process that attaches, a script or a test. It makes all calls itself.
+    /// The program is a process that attaches, a script or a test. It calls all functions itself.
     Attached {
         /// Cycle time in us.
         cycle_us: u64,
@@ -66,19 +67,19 @@ pub(super) struct Firmware {
     reported: State,
     /// True if the programming system has stopped the program.
     pub(super) is_stopped: bool,
-    /// End of the reset, or of the program's present cycle, in microseconds; `None` if nothing runs.
+    /// Time in microseconds at which the reset or the program's present cycle ends; `None` if neither runs.
     end_at: Option<u64>,
     /// Start of the present cycle, in microseconds.
     begun_at: u64,
     /// True if the present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,
-    /// Network management; set if the device is the master of the network.
+    /// Network management; `Some` if the device is the master of the network.
     pub(super) nmt: Option<Nmt>,
     /// The built-in program as master.
     pub(super) master: Option<Master>,
     /// Orders of the job block that have been started.
     pub(super) under_way: StartedOrders,
-    /// Number of cycles since power-on, up to three.
+    /// Number of cycles since power-on; it stops at three.
     cycles: u8,
     /// Outputs at the end of the last cycle.
     outputs: u16,
@@ -145,8 +146,8 @@ impl Firmware {
         }
     }
 
-    /// Orders the program to start after the reset, to continue after a stop, and to stop in all other states (p.
-    /// 13-14, D-630).
+    /// Orders the program to start after the reset, to continue after a stop, and to stop when the state Run
+    /// ends (p. 13-14, D-630).
     fn order_program(&self, before: u32) {
         match (before, self.state) {
             _ if self.program == Program::None => {}
@@ -157,8 +158,8 @@ impl Firmware {
         }
     }
 
-    /// Handles a client's request for a start, for example from a client that attaches its program while the controller
-    /// runs.
+    /// Handles a request of a client for a start. For example, a client makes such a request if it attaches
+    /// its program while the controller runs.
     fn look_at_start_request(&mut self, ctx: &mut Context) {
         let Some(code) = self.node.registers.take_start_request() else { return };
         match Start::from_code(code) {
@@ -184,7 +185,7 @@ impl Firmware {
         }
     }
 
-    /// Enters Run or Stop after a change of the node's state (p. 13-14, D-428).
+    /// Enters Run or Stop when the node's state has changed (p. 13-14, D-428).
     fn follow_node(&mut self, ctx: &mut Context) {
         let to = if self.node.state() == State::Stopped { state::STOP } else { state::RUN };
         self.enter(ctx, to);
@@ -216,7 +217,7 @@ impl Firmware {
         self.follow_node(ctx);
     }
 
-    /// Ends the operating system: the program stops, and the device is not a CANopen node.
+    /// Ends the work of the operating system: the program stops, and the device is no longer a CANopen node.
     pub(super) fn fall_silent(&mut self, ctx: &mut Context, to: u32) {
         self.node.fall_silent();
         self.end_master();
@@ -235,7 +236,7 @@ impl Firmware {
             state::STOP => Diagnosis::of(&defects, 0),
             _ => Diagnosis::default(),
         };
-        // Sets the common flag, because no other flag reports this error to the program (p. 18, D-461).
+        // This sets the common flag, because no other flag reports this error to the program (p. 18, D-461).
         if found.has_more_than(&self.diagnosis) {
             self.node.registers.flags.ERROR.store(bool::TRUE);
         }
@@ -276,13 +277,15 @@ impl Firmware {
                 if let Some(guarding) = guarding {
                     self.node.set_guarding(guarding, ctx.now);
                 }
-                // Each request would reset the communication, and only the result of the last reset counts (p. 155).
+                // Each request would reset the communication, and only the result of the last reset would
+                // remain (p. 155). So the device is reset only once, after all requests.
                 if !pdos.is_empty() {
                     pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
                     self.node.restart(State::PreOperational, ctx.now);
                 }
             }
-            // The role of master begins only now, because a reset in an earlier cycle would have ended it (p. 48).
+            // The role of master begins in this cycle. A reset in an earlier cycle would have ended it (p.
+            // 48).
             2 => {
                 if let Some(config) = master.clone() {
                     self.master = Some(Master::new(config, self.make_master(), ctx.now));
@@ -293,7 +296,8 @@ impl Firmware {
         self.cycles = self.cycles.saturating_add(1).min(3);
     }
 
-    /// Ends a cycle of the program: executes its requests, and begins the next cycle.
+    /// Ends a cycle of the program: executes the requests that the program has made in this cycle, and begins
+    /// the next cycle.
     fn end_cycle(&mut self, ctx: &mut Context) {
         self.run_built_in(ctx);
         self.open(ctx.now);
@@ -308,7 +312,8 @@ impl Firmware {
         self.begin_cycle(ctx.now);
     }
 
-    /// Handles a cycle that does not end: the watchdog resets the device 200 ms after the start of the cycle (p. 7).
+    /// Handles a cycle that does not end. The watchdog resets the device 200 ms after the start of the cycle
+    /// (p. 7).
     fn overdue(&mut self, ctx: &mut Context) {
         let bites_at = self.begun_at + WATCHDOG_US;
         self.is_overdue = true;
@@ -319,7 +324,7 @@ impl Firmware {
         }
     }
 
-    /// Returns the outputs that the program has on. For PWM outputs %QW0 has no effect (p. 91).
+    /// Returns the outputs that the program has switched on. %QW0 has no effect on PWM outputs (p. 91).
     fn wanted(&self) -> u16 {
         self.outputs & !self.peripherals.pwm.outputs() | self.peripherals.pwm.on()
     }
@@ -414,7 +419,7 @@ impl CanPort for Firmware {
         }
         self.look_at_command(ctx);
         self.look_at_start_request(ctx);
-        // A program that does not hang any more ends its cycle.
+        // If the program no longer hangs, it ends its cycle.
         if self.is_overdue && self.end_at.is_some() && !self.shared.defects().is_hanging {
             self.end_at = Some(ctx.now);
         }
@@ -466,7 +471,8 @@ impl CanPort for Firmware {
 
     fn next_time(&self) -> u64 {
         let of_nmt = self.nmt.as_ref().map_or(u64::MAX, Nmt::next_time);
-        // Manual p. 28: a master stopped by the programming system is not active.
+        // Manual p. 28: if the programming system has stopped the program, the device does not act as a
+        // master.
         let of_master = match (&self.master, &self.nmt) {
             (Some(master), Some(nmt)) if self.state == state::RUN => master.next_time(nmt),
             _ => u64::MAX,
@@ -478,7 +484,7 @@ impl CanPort for Firmware {
 
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if self.end_at.is_some_and(|end| end <= ctx.now) {
-            // Orders of the cycle are carried out before the cycle ends.
+            // The orders of a cycle must be carried out before the cycle ends.
             self.look_at_jobs(ctx, controller);
             if self.state == state::RESET {
                 self.init_can(controller);
@@ -488,7 +494,8 @@ impl CanPort for Firmware {
                 state::RESET => self.enter(ctx, state::RUN),
                 _ if self.shared.defects().is_hanging => self.overdue(ctx),
                 _ => {
-                    // Like every program should, a built-in program calls CAN_ERRORHANDLER in each cycle (p. 19, 36).
+                    // Every program should call CAN_ERRORHANDLER in each cycle (p. 19, 36), so the built-in
+                    // program does this, too.
                     if matches!(self.program, Program::BuiltIn { .. }) {
                         self.can_errors.handle(controller, false);
                     }

@@ -13,7 +13,7 @@ use crate::memory::{Cell16, Cell32, FirmwareHeader, MemoryError, Segment, View};
 /// Number of bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
 
-/// Number of bytes of the operating system's area (p. 154) after the flags with names.
+/// Number of bytes of the operating system's area (p. 154) that follow the flags with names.
 pub(super) const UNNAMED: usize = 256 - size_of::<CS0015_FLAGS>();
 
 /// The structures of the image that the firmware uses.
@@ -33,7 +33,7 @@ pub(super) struct Registers {
     segment: Segment,
 }
 
-/// Converts four words to the eight bytes of a PDO, each low byte first (D-431).
+/// Converts four words to the eight bytes of a PDO. The low byte of each word comes first (D-431).
 fn bytes(words: &[Cell16; 4]) -> [u8; 8] {
     let mut bytes = [0; 8];
     bytes
@@ -61,12 +61,12 @@ impl Registers {
         })
     }
 
-    /// Returns a word of the front panel that the firmware writes.
+    /// Returns a word of the front panel that the firmware sets.
     pub(super) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// Reads a word of the front panel that users turn.
+    /// Reads a word of the front panel that users set.
     pub(super) fn turned(&self, word: usize) -> u32 {
         self.face.requested().front[word].load()
     }
@@ -76,7 +76,8 @@ impl Registers {
         self.face.take(|page| &page.front[FRONT_PROGRAM])
     }
 
-    /// Shows the state of the program on the board, and whether a program is loaded.
+    /// Shows the state of the program in the board's entries of the header page. The state also says whether
+    /// a program is loaded.
     pub(super) fn show_program(&self, state: ProgramState) {
         self.face.put(|page| &page.program.state, state.code());
         let project = if state == ProgramState::None { Project::None } else { Project::Boot };
@@ -129,10 +130,10 @@ impl Registers {
         self.rx.a_RX_PDO[pdo].iter().zip(words).for_each(|(cell, word)| cell.store(word));
     }
 
-    /// Returns the operating system's area after the flags with names.
+    /// Returns the part of the operating system's area that follows the flags with names.
     pub(super) fn unnamed(&self) -> [u8; UNNAMED] {
         let mut bytes = [0; UNNAMED];
-        // Cannot fail: the range is in the image.
+        // The range is in the image, so this cannot fail.
         let _ = self.segment.read_range(self.unnamed_at(), &mut bytes);
         bytes
     }
@@ -145,19 +146,19 @@ impl Registers {
     /// Returns the retain flags.
     pub(super) fn retain(&self) -> Vec<u8> {
         let mut flags = vec![0; RETAIN_BYTES];
-        // Cannot fail: the range is in the image.
+        // The range is in the image, so this cannot fail.
         let _ = self.segment.read_range(retain_at(), &mut flags);
         flags
     }
 
-    /// Writes the retain flags, from the first one on.
+    /// Writes the retain flags, beginning with the first flag.
     pub(super) fn set_retain(&self, flags: &[u8]) {
         for (offset, flag) in (retain_at()..).zip(flags.iter().take(RETAIN_BYTES)) {
             let _ = self.segment.store(offset, Width::Byte, (*flag).into());
         }
     }
 
-    /// Clears flags outside all registers, as at power-on, except for retained ones (D-401).
+    /// Clears the flags that are not registers, except the retained flags, as at power-on (D-401).
     pub(super) fn clear_flags(&self) {
         let mut areas: Vec<_> = DEVICE.areas.iter().chain(DEVICE.retain.map(|retain| &retain.area)).collect();
         areas.sort_by_key(|area| area.first);

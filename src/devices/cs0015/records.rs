@@ -122,7 +122,8 @@ impl JobRefused {
         [("a_FUNCTION", u32::from(self.function)), ("a_ERROR", u32::from(self.error))].map(|(name, value)| {
             let register = registers.iter().find(|register| register.name == name);
             let known = register.and_then(|register| register.meaning?.value(value));
-            // The arguments of a function follow its name.
+            // In the text of the layout, the arguments follow the name of the function. Only the name is
+            // used.
             known.map_or_else(
                 || format!("16#{value:04X}"),
                 |it| it.text.split(" (").next().unwrap_or(it.text).to_owned(),

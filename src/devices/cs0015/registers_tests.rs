@@ -1,4 +1,4 @@
-//! Properties of the CS0015's layout: addresses as in the manual, flags, object dictionary.
+//! Tests properties of the CS0015's layout: the addresses of the manual, flags, object dictionary.
 
 use super::registers::DEVICE;
 use crate::layout::object::{Access, Default, Type};
@@ -66,7 +66,7 @@ fn there_are_36_system_flags() {
 
 #[test]
 fn the_object_dictionary_matches_the_manual() {
-    // 155 printed rows with index and sub, and the words of the PDOs.
+    // The manual has 155 printed rows with index and sub-index. The words of the PDOs are added.
     assert_eq!(DEVICE.objects.len(), 155 + 64);
     let object = |index, sub| DEVICE.object(index, sub).unwrap();
     assert_eq!(object(0x1000, 0).default, Default::Number(0x195));

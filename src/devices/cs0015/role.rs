@@ -11,7 +11,7 @@ use crate::devices::can_bus::Controller;
 use crate::devices::canopen::nmt::State;
 
 impl Firmware {
-    /// Starts CANopen if the program has switched CANopen on and it is not running yet (p. 28).
+    /// Starts CANopen if the program has switched it on and it does not run yet (p. 28).
     pub(super) fn open(&mut self, now: u64) {
         let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
         if is_can_open && self.node.state() == State::Initialising {
@@ -19,8 +19,8 @@ impl Firmware {
         }
     }
 
-    /// Initialises the CAN controller with the bit rate in force; a controller with a fault does not take part in the
-    /// bus (D-452).
+    /// Initialises the CAN controller with the bit rate in force. A controller with a fault does not take
+    /// part in the bus (D-452).
     pub(super) fn init_can(&mut self, controller: &mut Controller) {
         let flags = &self.node.registers.flags;
         if self.shared.defects().has_no_can {
@@ -44,7 +44,7 @@ impl Firmware {
         self.node.registers.flags.COP_GUARDFAIL_NODEID.store(0);
     }
 
-    /// Resets the communication, if CANopen was started; the role of master is lost (p. 48).
+    /// Resets the communication if CANopen was started. The device then loses the role of master (p. 48).
     pub(super) fn reset_communication(&mut self, now: u64) {
         let at = JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION) as u32;
         if self.nmt.is_some() || self.master.is_some() {
@@ -58,14 +58,14 @@ impl Firmware {
         }
     }
 
-    /// Carries out the orders of the program, which has an effect only in Run.
+    /// Carries out the orders of the program. This has an effect only in Run.
     pub(super) fn look_at_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if self.state == state::RUN {
             jobs::look(self, ctx, controller);
         }
     }
 
-    /// Continues the orders that have been started and are not finished.
+    /// Continues orders that have been started but are not finished.
     pub(super) fn continue_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.under_way.is_empty() {
             self.look_at_jobs(ctx, controller);

@@ -1,4 +1,5 @@
-//! A CS0015 on a bus with a test master: the behaviour that the manual describes, to the microsecond.
+//! Tests a CS0015 on a bus with a test master. The tests check the behaviour that the manual describes, to
+//! the microsecond.
 
 mod can_errors;
 mod can_jobs;
@@ -45,7 +46,8 @@ struct Bench {
 }
 
 impl Bench {
-    /// Returns a controller just powered on, with these keys in the plant file in addition to its name.
+    /// Returns a controller that has just been powered on. In the plant file it has these keys in addition to
+    /// its name.
     fn new(keys: &str) -> Self {
         let text = format!("{{ name = 'panel'{}{keys} }}", if keys.is_empty() { "" } else { ", " });
         let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
@@ -105,7 +107,8 @@ impl Bench {
         self.heard();
     }
 
-    /// Adds a fault of the device, in the words of `commram fault add`. Returns its number.
+    /// Adds a fault of the device. The words are those of `commram fault add`. Returns the number of the
+    /// fault.
     fn fault(&mut self, kind: &str, words: &[&str]) -> u16 {
         let names = Names {
             plcs: vec!["panel".to_owned()],
@@ -126,7 +129,8 @@ impl Bench {
         self.run(MS);
     }
 
-    /// Does what a plant does in a processor cycle with faults, and with a device that is switched off or on.
+    /// Does what a plant does in a processor cycle: applies faults, and restarts a device that was switched
+    /// off or on.
     fn look_at_faults(&mut self) {
         let Bench { faults, device, journal, now, .. } = self;
         if faults.next_time() <= *now {
@@ -211,7 +215,7 @@ impl Bench {
         assert_eq!(self.registers.shown(FRONT_PROGRAM).load(), 0, "it is answered");
     }
 
-    /// Gives an order with data at a place of the job block.
+    /// Gives an order with data, at this place of the job block.
     fn order_with(&self, place: usize, function: u16, arguments: &[u32], data: &[u8]) {
         let jobs = &self.registers.jobs;
         jobs.a_LENGTH[place].store(data.len() as u16);
@@ -250,7 +254,7 @@ impl Bench {
         jobs.a_DATA[0].iter().take(jobs.a_LENGTH[0].load().into()).map(|cell| cell.load()).collect()
     }
 
-    /// True if the order at a place has been answered.
+    /// True if the order at this place of the job block has been answered.
     fn is_answered(&self, place: usize) -> bool {
         self.registers.jobs.a_CONTROL[place].load() == 4
     }

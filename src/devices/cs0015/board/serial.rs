@@ -40,13 +40,13 @@ pub(crate) struct Serial {
 }
 
 impl Serial {
-    /// Handles power-on: earlier bytes from the other end are lost.
+    /// Handles power-on: bytes that the other end has sent before are lost.
     pub(crate) fn power_on(&mut self, registers: &CS0015_PERIPHERALS) {
         *self = Serial::default();
         self.inwards.count = registers.d_RS232_GIVEN.load();
     }
 
-    /// Runs `SERIAL_TX` (p. 112). The byte is lost if there is no room.
+    /// Runs `SERIAL_TX` (p. 112). If there is no room for the byte, it is lost.
     pub(crate) fn send(&mut self, byte: u8) {
         if self.to_send.len() < ROOM {
             self.to_send.push_back(byte);
@@ -79,13 +79,14 @@ impl Serial {
         }
     }
 
-    /// Returns the end of the next byte; `u64::MAX` if both lines are idle.
+    /// Returns the time at which the next byte ends; `u64::MAX` if both lines are idle.
     pub(crate) fn next_time(&self) -> u64 {
         let of = |line: &Line| line.until.unwrap_or(u64::MAX);
         of(&self.inwards).min(of(&self.outwards))
     }
 
-    /// Handles bytes that have ended. Bytes received while the interface belongs to the programming system are ignored.
+    /// Handles bytes that have ended. While the programming system uses the interface, received bytes are
+    /// ignored.
     pub(crate) fn due(&mut self, registers: &CS0015_PERIPHERALS, is_programs: bool, now: u64) {
         if self.inwards.until.take_if(|until| *until <= now).is_some() {
             let ring = &registers.a_RS232_GIVEN;

@@ -1,9 +1,9 @@
-//! Inputs 4 to 15 and their filter, which passes signals of up to 25 Hz (p. 7).
+//! Inputs 4 to 15 and their filter, which passes only signals of up to 25 Hz (p. 7).
 
 use super::fast_inputs;
 use serde::{Deserialize, Serialize};
 
-/// Half a period at 25 Hz, in us: a shorter level has no effect (D-660).
+/// Half a period at 25 Hz, in us. A level that is shorter has no effect (D-660).
 const LEAST_US: u64 = 20_000;
 /// Inputs without this filter, bit n for input n.
 const FAST: u16 = (1 << fast_inputs::INPUTS) - 1;
@@ -20,7 +20,7 @@ pub(crate) struct SlowInputs {
 }
 
 impl SlowInputs {
-    /// Handles power-on with these levels at the terminals, which count as settled.
+    /// Handles power-on. The present levels at the terminals take effect at once.
     pub(crate) fn power_on(terminals: u16, now: u64) -> Self {
         SlowInputs { passed: terminals, terminals, since: [now; 16] }
     }

@@ -9,7 +9,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// A broken rule: the rule, the offset, and the value.
 pub(crate) type WatchFinding = (&'static Rule, u32, u32);
 
-/// Values of the operating system's flags that have no names, at the last check.
+/// Values that the unnamed flags of the operating system had at the last check.
 #[derive(Clone, Debug)]
 pub(crate) struct Watch {
     unnamed: [u8; UNNAMED],
@@ -34,7 +34,8 @@ impl SnapshotFields for Watch {
 }
 
 impl Watch {
-    /// Checks these flags; returns a finding for the first changed word.
+    /// Checks the unnamed flags of the operating system. Returns a finding for the first word that a program
+    /// has changed.
     pub(crate) fn look(&mut self, registers: &Registers) -> Option<WatchFinding> {
         let now = registers.unnamed();
         let before = core::mem::replace(&mut self.unnamed, now);
@@ -48,7 +49,7 @@ impl Watch {
     }
 }
 
-/// Returns a finding if a program has changed one of the outputs that PWM drives.
+/// If a program has changed one of the outputs that PWM drives, returns a finding.
 pub(crate) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<WatchFinding> {
     let is_changed = (before ^ now) & pwm != 0;
     is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS, now.into()))

@@ -17,7 +17,7 @@ pub(crate) struct CanErrors {
 }
 
 impl CanErrors {
-    /// Sets the flag of an error, and the common flag, which the program resets.
+    /// Sets the flag of an error, and the common flag. The program resets both.
     fn found(&mut self, flags: &CS0015_FLAGS, flag: &Cell8) {
         flag.store(bool::TRUE);
         flags.CAN_ERROR.store(bool::TRUE);
@@ -44,7 +44,7 @@ impl CanErrors {
         self.found(flags, &flags.CAN_RX_OVERRUN_ERROR);
     }
 
-    /// Called when a frame to send was lost.
+    /// Called when a frame was lost before it was sent.
     pub(crate) fn lost_to_send(&mut self, flags: &CS0015_FLAGS) {
         self.found(flags, &flags.CAN_TX_OVERRUN_ERROR);
     }

@@ -1,5 +1,5 @@
-//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate. This module distinguishes values in
-//! force, stored values, and values that a reset restores (p. 155).
+//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate. This module distinguishes three
+//! kinds of values: values in force, stored values, and values that a reset restores (p. 155).
 
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::cs0015::ram::Registers;
@@ -40,7 +40,7 @@ impl PdoDirection {
 /// Settings that a program requests by `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PdoConfig {
-    /// Identifier, from 380h on; `None` keeps the present one.
+    /// Identifier, from 380h on; `None` keeps the present identifier.
     pub id: Option<u16>,
     /// Transmission type of the PDO.
     pub kind: Transmission,
@@ -51,11 +51,11 @@ pub struct PdoConfig {
 /// Parameters of a PDO.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Pdo {
-    /// COB-ID; `None` for the default, which follows from the Node-ID or is a factory setting.
+    /// COB-ID; `None` for the default. The default depends on the Node-ID, or is a factory setting.
     cob_id: Option<u32>,
     /// Transmission type in force.
     pub kind: Transmission,
-    /// Transmission type in the object dictionary, in force from the next start of Operational on (p. 155).
+    /// Transmission type in the object dictionary. It takes effect at the next start of Operational (p. 155).
     pub written_kind: Transmission,
     pub inhibit_us: u64,
 }
@@ -125,7 +125,7 @@ impl Communication {
         }
     }
 
-    /// Handles power-on: takes the stored values, and resets all others.
+    /// Handles power-on: reads the stored values, and resets all other values.
     pub(crate) fn power_on(&mut self, registers: &Registers) {
         let stored = &registers.parameters;
         *self = Communication::new(self.factory);
@@ -136,7 +136,8 @@ impl Communication {
         self.entered = [self.node, self.node, code(kbit_s), code(kbit_s)];
     }
 
-    /// Resets the communication: values that are not stored are as at power-on, except for the program's requests.
+    /// Resets the communication. Values that are not stored get their values at power-on, except those that
+    /// the program has requested.
     pub(crate) fn reset(&mut self) {
         self.sdo = [None; 2];
         let [receive, transmit] = self.asked;
@@ -144,7 +145,8 @@ impl Communication {
         self.transmit = transmit.map(Pdo::new);
     }
 
-    /// Handles the start of Operational: the transmission types written since the last time take effect (p. 155).
+    /// Handles the start of Operational. The transmission types that were written since its last start take
+    /// effect (p. 155).
     pub(crate) fn take_over_kinds(&mut self) {
         self.receive.iter_mut().chain(&mut self.transmit).for_each(|pdo| pdo.kind = pdo.written_kind);
     }
@@ -227,9 +229,10 @@ impl Communication {
         self.entered[entry]
     }
 
-    /// Writes 20F0h to 20F3h; returns `false` if the value is not permitted. When both entries of a pair (20F0h and
-    /// 20F1h, 20F2h and 20F3h) have the same changed value, the device stores the value. A Node-ID takes effect at
-    /// once, a bit rate after the next power-on (p. 41, 163).
+    /// Writes 20F0h to 20F3h; returns `false` if the value is not permitted. The entries 20F0h and 20F1h are
+    /// a pair, and so are 20F2h and 20F3h. When both entries of a pair have an equal, changed value, the
+    /// device stores the value. A Node-ID takes effect at once, a bit rate after the next power-on (p. 41,
+    /// 163).
     pub(crate) fn enter(&mut self, registers: &Registers, entry: usize, value: u8) -> bool {
         let is_node = entry < 2;
         let is_right = if is_node { self::is_node(value) } else { usize::from(value) < RATES.len() };
@@ -248,14 +251,15 @@ impl Communication {
         true
     }
 
-    /// Sets the bit rate for the program; it takes effect at once and is stored.
+    /// Sets the bit rate for the program. It takes effect at once and is stored.
     pub(crate) fn set_rate(&mut self, registers: &Registers, kbit_s: u16) {
         self.entered[2..].fill(code(kbit_s));
         registers.parameters.w_KBIT_S.store(kbit_s);
         registers.flags.CANBAUDRATE.store(kbit_s);
     }
 
-    /// True if this is the default identifier, which follows from the Node-ID, or the factory setting.
+    /// True if this is the default identifier of the PDO. The default depends on the Node-ID, or is the
+    /// factory setting.
     pub(crate) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }

@@ -4,7 +4,7 @@ use crate::devices::canopen::emergency::Cause;
 use crate::devices::cs0015::board::hardware::Defects;
 use serde::{Deserialize, Serialize};
 
-/// Errors of the hardware with their bits of the error register (p. 44).
+/// Errors of the hardware, each with its bits of the error register (p. 44).
 const WIRE_BREAK: Cause = Cause { code: 0x2100, register: 1 << 1 };
 const SHORT_CIRCUIT: Cause = Cause { code: 0x2300, register: 1 << 1 };
 const VOLTAGE: Cause = Cause { code: 0x3200, register: 1 << 2 };
@@ -21,8 +21,8 @@ pub(crate) struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Returns the errors that the operating system of the device can find while the program has the outputs `wanted`
-    /// on. An output that is off cannot be checked (D-460).
+    /// Returns the errors that the operating system of the device can find while the program has switched the
+    /// outputs `wanted` on. An output that is off cannot be checked (D-460).
     pub(crate) fn of(defects: &Defects, wanted: u16) -> Self {
         Diagnosis {
             short_circuits: defects.short_circuits & wanted,
@@ -32,7 +32,7 @@ impl Diagnosis {
         }
     }
 
-    /// True if an error is present that `before` does not have.
+    /// True if at least one error is present that `before` does not contain.
     pub(crate) fn has_more_than(&self, before: &Diagnosis) -> bool {
         self.short_circuits & !before.short_circuits != 0
             || self.wire_breaks & !before.wire_breaks != 0

@@ -16,7 +16,7 @@ pub(crate) struct Entries<'a> {
     pub error_register: u8,
 }
 
-/// Returns direction and number, from 0, of the PDO for a parameter's index.
+/// Returns direction and number, from 0, of the PDO to which a parameter with this index belongs.
 fn parameter(index: u16) -> Option<(PdoDirection, usize)> {
     match index {
         0x1400..=0x1407 => Some((PdoDirection::Receive, usize::from(index - 0x1400))),
@@ -37,7 +37,7 @@ fn object(at: EntryAddress) -> Result<&'static Object, Abort> {
 }
 
 impl Entries<'_> {
-    /// Returns the PDO word of an entry (D-411).
+    /// Returns the word of a PDO that this entry contains (D-411).
     fn word(&self, at: EntryAddress) -> Option<&Cell16> {
         let word = usize::from(at.sub).checked_sub(1)?;
         match at.index {

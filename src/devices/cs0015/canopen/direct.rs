@@ -1,4 +1,5 @@
-//! CAN used by a program directly: a queue for each identifier that the program has registered (p. 22-23, 33-34).
+//! Direct use of CAN by a program: a queue for each identifier that the program has registered (p. 22-23,
+//! 33-34).
 
 use crate::can::{Frame, StandardId};
 use embedded_can::{Frame as _, Id};
@@ -25,7 +26,7 @@ pub(crate) struct ReceivedMessage {
     pub available: u8,
     /// True if at least one message was lost.
     pub has_overflown: bool,
-    /// Data of the oldest message; empty without a message.
+    /// Data of the oldest message; empty if there is no message.
     pub data: Vec<u8>,
 }
 
@@ -36,7 +37,7 @@ pub(crate) struct Direct {
 }
 
 impl Direct {
-    /// Registers an identifier, so that its messages are kept; returns `false` if it was registered before.
+    /// Registers an identifier, so that its messages are kept. Returns `false` if it was already registered.
     pub(crate) fn configure(&mut self, id: StandardId) -> bool {
         let is_new = self.queues.iter().all(|queue| queue.id != id);
         if is_new {
@@ -69,8 +70,8 @@ impl Direct {
         has_room
     }
 
-    /// Takes the oldest message of an identifier, or discards all if `is_to_clear`. Returns `None` if the identifier is
-    /// not registered.
+    /// Takes the oldest message of an identifier, or discards all its messages if `is_to_clear`. Returns
+    /// `None` if the identifier is not registered.
     pub(crate) fn take(&mut self, id: StandardId, is_to_clear: bool) -> Option<ReceivedMessage> {
         let queue = self.queues.iter_mut().find(|queue| queue.id == id)?;
         if is_to_clear {

@@ -1,4 +1,5 @@
-//! I/O modules, master side: their configuration, and their words in the flags (p. 71-85).
+//! I/O modules from the point of view of the master: their configuration, and their words in the flags (p.
+//! 71-85).
 
 use crate::devices::canopen::sdo::EntryAddress;
 use crate::devices::cr201x::{CHANNELS, Channels, Model, Role};
@@ -8,13 +9,14 @@ use std::collections::VecDeque;
 
 /// Numbers of modules that have words in the flags (p. 71).
 pub(crate) const NODES: core::ops::RangeInclusive<u32> = 1..=32;
-/// Most missing nodes that `COP_MSTR_MAIN` notes (p. 75).
+/// Maximum number of missing nodes that `COP_MSTR_MAIN` notes (p. 75).
 const MISSING: usize = 8;
 /// The entries with the configuration in a module's object dictionary (D-451).
 const CONNECTORS: u16 = 0x2000;
 const PWM: EntryAddress = EntryAddress { index: 0x2001, sub: 0 };
 
-/// Outputs of a module: a bit for each connector, and four words; `None` for outputs that the module does not have.
+/// Outputs of a module: a bit for each connector, and four words. `None` for outputs that the module does not
+/// have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ModuleOutputs {
     pub bits: Option<u8>,
@@ -57,7 +59,8 @@ impl Slave {
                 Role::AnalogOutput(index) | Role::Signed(index, true) => {
                     sent.words.get_or_insert([0; 4])[index] = flag.load();
                 }
-                // Manual p. 85: this flag has the current; for a PWM output it is not written.
+                // Manual p. 85: the flag of a current-controlled output contains the current. The flag of a
+                // PWM output is not written.
                 Role::Signed(..) if self.channels.reports_current(pair) => flag.store(self.words[pair]),
                 Role::Signed(..) => {}
             }
@@ -75,7 +78,7 @@ pub(crate) enum Transfer {
     Read(EntryAddress),
 }
 
-/// A configuration in progress, for a place of the job block.
+/// A configuration in progress. It belongs to a place of the job block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Configuring {
     place: usize,
@@ -84,7 +87,8 @@ pub(crate) struct Configuring {
 }
 
 impl Configuring {
-    /// Plans the transfers: writes the configuration `to_write`, if given, then reads it if `is_read`.
+    /// Plans the transfers: first writes the configuration `to_write`, if it is given, then reads the
+    /// configuration if `is_read`.
     fn new(place: usize, model: Model, to_write: Option<(&[u8], u8)>, is_read: bool) -> Self {
         let connector = |index: usize| EntryAddress { index: CONNECTORS, sub: index as u8 + 1 };
         let mut to_do = VecDeque::new();
@@ -123,11 +127,11 @@ impl Configuring {
 pub(crate) struct IoSlaves {
     pub slaves: Vec<Slave>,
     configuring: Vec<Configuring>,
-    /// Place of the job block with a `COP_MSTR_BOOTUP`, and the time of its end.
+    /// Place of the job block with a `COP_MSTR_BOOTUP` in progress, and the time at which it ends.
     pub boot_up: Option<(usize, u64)>,
     /// Time at which `COP_MSTR_MAIN` sends the next SYNC object, in microseconds.
     pub next_sync: u64,
-    /// Nodes that are missing now, and nodes that have been missing, in order.
+    /// Nodes that are missing now. `missing` contains nodes that have been missing, in order.
     now_missing: Vec<u8>,
     missing: Vec<u8>,
 }
@@ -183,7 +187,7 @@ impl IoSlaves {
         }
     }
 
-    /// Records the missing nodes. Newly missing nodes are noted if there is room (p. 75).
+    /// Records the missing nodes. Nodes that were not missing before are noted if there is room (p. 75).
     pub(crate) fn note_missing(&mut self, nodes: Vec<u8>) {
         let new = nodes.iter().filter(|node| !self.now_missing.contains(node));
         let room = MISSING.saturating_sub(self.missing.len());
@@ -191,7 +195,7 @@ impl IoSlaves {
         self.now_missing = nodes;
     }
 
-    /// Removes the noted nodes. Nodes that are still missing are not noted again.
+    /// Removes the noted nodes. Nodes that have been missing since then are not noted again.
     pub(crate) fn forget_missing(&mut self) {
         self.missing.clear();
     }

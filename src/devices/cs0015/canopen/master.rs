@@ -1,6 +1,6 @@
-//! The built-in program as master: the effects of `NMM_SET_NMT_MASTER`, `NMM_ADD_NODE`, `NMM_START_GUARDING`,
-//! `NMM_NODE_GUARDING` with AUTO_RESTART, `NMM_SET_OPERATIONAL` and `PDO_SEND_SYNC_OBJ` for the nodes of the plant file
-//! (p. 52-67).
+//! The built-in program as master. For the nodes of the plant file, it does what a program does with
+//! `NMM_SET_NMT_MASTER`, `NMM_ADD_NODE`, `NMM_START_GUARDING`, `NMM_NODE_GUARDING` with AUTO_RESTART,
+//! `NMM_SET_OPERATIONAL` and `PDO_SEND_SYNC_OBJ` (p. 52-67).
 
 use super::nmt::{Nmt, Restart};
 use super::node::Node;
@@ -27,7 +27,7 @@ pub struct MasterConfig {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Master {
     config: MasterConfig,
-    /// Time at which the master stops waiting for its nodes, in microseconds; `None` after it has started them.
+    /// Time in microseconds at which the master stops waiting for its nodes; `None` when it has started them.
     boot_up_until: Option<u64>,
     next_sync: u64,
 }
@@ -41,8 +41,8 @@ impl Master {
         Master { config, boot_up_until: Some(now + BOOT_UP_US), next_sync }
     }
 
-    /// Handles the end of a program cycle: starts the network, including the master itself, when all nodes have sent
-    /// their state or the time for it is over (D-432).
+    /// Handles the end of a program cycle. When all nodes have sent their state, or when the waiting time is
+    /// over, starts the network, including the master itself (D-432).
     pub(crate) fn start(&mut self, nmt: &mut Nmt, node: &mut Node, now: u64) {
         let Some(until) = self.boot_up_until else { return };
         let has_all = self.config.nodes.iter().all(|number| nmt.network.state(*number).is_some());

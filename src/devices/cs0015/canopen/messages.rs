@@ -1,4 +1,5 @@
-//! Messages that a CS0015 sends and receives as a CANopen node with factory settings: for bus databases.
+//! Messages that a CS0015 sends and receives as a CANopen node with factory settings. They are for bus
+//! databases.
 
 use super::communication::{Communication, Factory, PDOS, PdoDirection};
 use crate::can::Message;

@@ -1,4 +1,4 @@
-//! The device as network master by `NMM_SET_NMT_MASTER`: nodes, their emergencies, and SDOs (p. 52-70).
+//! The device as network master after `NMM_SET_NMT_MASTER`: nodes, their emergencies, and SDOs (p. 52-70).
 
 use super::io_slaves::IoSlaves;
 use super::node::Node;
@@ -17,13 +17,13 @@ const GUARDING: u16 = 0x700;
 /// Maximum number of emergencies that wait for the program (D-441).
 const EMERGENCIES: usize = 30;
 
-/// Condition for starting a node after its state was received.
+/// Condition for starting a node when it has sent its state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Restart {
-    /// The node is never started by itself.
+    /// The node is never started automatically.
     #[default]
     Never,
-    /// The node was missing before: AUTO_RESTART (p. 59).
+    /// The node was missing before its answer: AUTO_RESTART (p. 59).
     Missing,
     /// The node is in Pre-Operational, for any reason.
     Always,
@@ -100,18 +100,18 @@ impl Nmt {
         self.network.commanded(command, number);
     }
 
-    /// Sends the due requests for states of nodes.
+    /// Sends the requests for states of nodes that are due.
     pub(crate) fn guard(&mut self, node: &mut Node, now: u64) {
         self.network.due(now).into_iter().for_each(|order| Self::give(node, order));
         self.show(node);
     }
 
-    /// Shows the number of the missing slave, 0 if there is none (p. 152).
+    /// Shows the number of the missing slave; 0 if no slave is missing (p. 152).
     pub(crate) fn show(&self, node: &Node) {
         node.registers.flags.COP_GUARDFAIL_NODEID.store(self.network.missing().unwrap_or(0));
     }
 
-    /// Returns the time limit for the answer to an SDO.
+    /// Returns the time at which the waiting time for the answer to an SDO ends.
     pub(crate) fn next_time(&self) -> u64 {
         self.sdo.next_time()
     }

@@ -22,7 +22,7 @@ use embedded_can::{Frame as _, Id, StandardId};
 const GENERAL: Cause = Cause { code: 0x1000, register: 1 << 0 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
-/// Bits of byte 3 of the SYNC error: its causes (p. 44).
+/// Bits of byte 3 of the SYNC error. They name its causes (p. 44).
 const CAN_BIT: u8 = 1 << 0;
 const SYNC_BIT: u8 = 1 << 1;
 
@@ -38,7 +38,7 @@ pub enum BootUp {
     Guarding,
 }
 
-/// Settings that a program gives to `NMS_GUARDING_CONFIG` (p. 46); 0 is off.
+/// Settings that a program gives to `NMS_GUARDING_CONFIG` (p. 46). 0 switches a supervision off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardingConfig {
     /// Guard time in ms (GUARDTIME).
@@ -66,7 +66,7 @@ pub(crate) struct Node {
     transmit: [Transmit; PDOS],
     /// True if a SYNC object has come since the last cycle of the program.
     pub has_sync: bool,
-    /// True if the filters for received frames must be set again.
+    /// True if the filters for received frames must be set again, because an identifier has changed.
     has_moved: bool,
     /// True if the device has errors of CAN.
     has_can_error: bool,
@@ -132,13 +132,14 @@ impl Node {
         self.communication.node()
     }
 
-    /// Registers an identifier for the program, which fetches its messages (p. 33).
+    /// Registers an identifier for the program. The program fetches the messages with this identifier (p.
+    /// 33).
     pub(crate) fn register_identifier(&mut self, id: StandardId) {
         self.has_moved |= self.direct.configure(id);
     }
 
-    /// Removes and returns a message with this identifier, or discards all its messages. Returns `None` if the
-    /// identifier is not registered.
+    /// Removes and returns a message with this identifier. With `is_to_clear`, discards all messages with it.
+    /// Returns `None` if the identifier is not registered.
     pub(crate) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<ReceivedMessage> {
         self.direct.take(id, is_to_clear)
     }
@@ -155,7 +156,7 @@ impl Node {
         self.direct.received(frame)
     }
 
-    /// Records the program's request for a PDO, counted from 0; a [`Node::restart`] follows.
+    /// Records the program's request for a PDO, counted from 0. The caller must then call [`Node::restart`].
     pub(crate) fn ask_pdo(&mut self, way: PdoDirection, pdo: usize, config: PdoConfig) {
         self.communication.ask(way, pdo, config);
     }
@@ -165,7 +166,7 @@ impl Node {
         self.communication.is_predefined(way, pdo, id)
     }
 
-    /// Sets the Node-ID for the program, 1 to 127; it takes effect at once and is stored (p. 45).
+    /// Sets the Node-ID for the program, 1 to 127. It takes effect at once and is stored (p. 45).
     pub(crate) fn set_number(&mut self, number: u8, now: u64) {
         for entry in 0..2 {
             self.communication.enter(&self.registers, entry, number);
@@ -173,19 +174,19 @@ impl Node {
         self.refresh(now);
     }
 
-    /// Sets the bit rate for the program, in kbit/s; it is stored (p. 31).
+    /// Sets the bit rate for the program, in kbit/s. It is stored (p. 31).
     pub(crate) fn set_rate(&mut self, kbit_s: u16) {
         self.communication.set_rate(&self.registers, kbit_s);
     }
 
-    /// Sends a transmit PDO, counted from 0, again (p. 51).
+    /// Sends a transmit PDO, counted from 0, once more (p. 51).
     pub(crate) fn refresh_pdo(&mut self, pdo: usize) {
         if self.state.has_pdo() {
             self.send_pdo(pdo, self.registers.transmit(pdo));
         }
     }
 
-    /// Sets the supervision of the master for the program; it is stored (p. 155).
+    /// Configures for the program how the node supervises its master. The settings are stored (p. 155).
     pub(crate) fn set_guarding(&mut self, config: &GuardingConfig, now: u64) {
         let parameters = &self.registers.parameters;
         parameters.w_GUARD_TIME.store(config.guard_ms);
@@ -234,7 +235,7 @@ impl Node {
         self.send_emergencies();
     }
 
-    /// Updates everything that an SDO may have changed.
+    /// Updates all values that depend on entries which an SDO may have changed.
     fn refresh(&mut self, now: u64) {
         let identifiers = self.communication.identifiers(&self.registers);
         if self.identifiers != identifiers {
@@ -278,7 +279,8 @@ impl Node {
         self.send_emergencies();
     }
 
-    /// Answers a remote frame: a request for the state from the master, or for a PDO from any station.
+    /// Answers a remote frame. It requests the state of the node (sent by the master), or a PDO (sent by any
+    /// station).
     fn asked(&mut self, now: u64, id: StandardId) {
         if self.identifiers.guarding == Some(id) {
             let answer = self.guarded.asked(self.state, now);
@@ -315,7 +317,7 @@ impl Node {
     }
 
     fn sdo(&mut self, now: u64, data: &[u8]) {
-        // A frame of another length is not an SDO.
+        // A frame with a length other than eight bytes is not an SDO.
         let Ok(request) = data.try_into() else { return };
         let answer_id = self.identifiers.sdo_answer;
         let entries = &mut Entries {
@@ -324,7 +326,8 @@ impl Node {
             registers: &self.registers,
         };
         let answer = self.server.request(request, entries);
-        // A client that changes the Node-ID expects the answer with the previous identifier (D-417).
+        // If a client changes the Node-ID, it expects the answer with the identifier before the change
+        // (D-417).
         if let (Some(answer), Some(id)) = (answer, answer_id) {
             self.send(id, &answer);
         }
@@ -345,15 +348,15 @@ impl Node {
         }
     }
 
-    /// Sets the error that SYNC and CAN share (p. 44).
+    /// Sets the error for missing SYNC and for errors of CAN, which have one code (p. 44).
     fn set_sync_error(&mut self) {
         let can = if self.has_can_error { CAN_BIT } else { 0 };
         let bits = can | if self.sync.is_missing() { SYNC_BIT } else { 0 };
         self.errors.set(NO_SYNC, (bits != 0).then_some([bits, 0, 0, 0, 0]));
     }
 
-    /// Sets the errors of the hardware, with bytes 3 to 7 of each emergency, and whether `CAN_ERROR` and `ERROR` are
-    /// TRUE.
+    /// Sets the errors of the hardware, with bytes 3 to 7 of each emergency. Also sets whether `CAN_ERROR`
+    /// and `ERROR` are TRUE.
     pub(crate) fn set_errors(&mut self, hardware: &Diagnosis, has_can_error: bool, is_general: bool) {
         self.has_can_error = has_can_error;
         self.set_sync_error();

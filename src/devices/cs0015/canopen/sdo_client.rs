@@ -1,4 +1,5 @@
-//! SDO transfers of a master. At most one is in progress; each belongs to a place of the job block (p. 69-70).
+//! SDO transfers of a master. At most one is in progress. Each transfer belongs to a place of the job block
+//! (p. 69-70).
 
 use crate::devices::canopen::sdo::{Abort, Client, Data, EntryAddress, Step};
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,7 @@ struct Transfer {
 #[derive(Default, Serialize, Deserialize)]
 pub(crate) struct SdoClient {
     transfer: Option<Transfer>,
-    /// Result with the place that waits for it.
+    /// Result of the last transfer, with the place of the job block that waits for it.
     finished: Option<(usize, SdoResult)>,
 }
 
@@ -32,7 +33,7 @@ impl SdoClient {
         self.transfer.is_none() && self.finished.is_none()
     }
 
-    /// True if the transfer in progress belongs to a place.
+    /// True if the transfer in progress belongs to this place of the job block.
     pub(crate) fn is_of(&self, place: usize) -> bool {
         self.transfer.as_ref().is_some_and(|it| it.place == place)
     }
@@ -73,24 +74,24 @@ impl SdoClient {
         self.finished = self.transfer.take().map(|it| (it.place, finished));
     }
 
-    /// Takes the result of the transfer for a place.
+    /// Takes the result of the transfer that belongs to this place.
     pub(crate) fn finished(&mut self, place: usize) -> Option<SdoResult> {
         self.finished.take_if(|(of, _)| *of == place).map(|(_, finished)| finished)
     }
 
-    /// Withdraws the transfer for a place; returns the node and the frame to send.
+    /// Withdraws the transfer that belongs to this place; returns the node and the frame to send.
     pub(crate) fn withdraw(&mut self, place: usize) -> Option<(u8, Data)> {
         self.finished(place);
         let transfer = self.transfer.take_if(|it| it.place == place)?;
         Some((transfer.node, transfer.client.give_up()))
     }
 
-    /// Returns the time limit of the expected answer; `u64::MAX` if there is none.
+    /// Returns the time by which the answer must come; `u64::MAX` if no answer is expected.
     pub(crate) fn next_time(&self) -> u64 {
         self.transfer.as_ref().map_or(u64::MAX, |it| it.until)
     }
 
-    /// Checks the time limit; returns the node and the frame to send.
+    /// Ends the transfer if its time limit has passed; returns the node and the frame to send.
     pub(crate) fn due(&mut self, now: u64) -> Option<(u8, Data)> {
         let transfer = self.transfer.as_ref().filter(|it| it.until <= now)?;
         let abort = (transfer.node, transfer.client.give_up());
@@ -105,7 +106,8 @@ mod tests {
 
     const AT: EntryAddress = EntryAddress { index: 0x1008, sub: 0 };
 
-    /// A long entry: each answer restarts the time limit, except an answer of another node.
+    /// Reading a long entry takes several answers. Each answer restarts the time limit, except an answer of
+    /// another node.
     #[test]
     fn the_time_limit_counts_from_the_last_answer() {
         let mut client = SdoClient::default();

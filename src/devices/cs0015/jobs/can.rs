@@ -20,8 +20,8 @@ pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
     }
 }
 
-/// Sets the bit rate, which takes effect at once and is stored (p. 31). A bit rate written by SDO takes effect after a
-/// reset (p. 41, D-437).
+/// Sets the bit rate. It takes effect at once and is stored (p. 31). In contrast, a bit rate that is written
+/// by SDO takes effect after a reset (p. 41, D-437).
 fn can_baudrate(job_context: JobContext, job: &Job) -> Outcome {
     let kbit_s = job.argument(0, 0..=u32::from(u16::MAX))? as u16;
     if !is_rate(kbit_s) {
@@ -38,7 +38,7 @@ fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
     StandardId::new(id as u16).ok_or(Refusal::Arguments)
 }
 
-/// RESULT is FALSE while the controller has a frame to send (p. 23).
+/// Runs `CAN_TRANSMIT`. RESULT is FALSE while the controller still has a frame to send (p. 23).
 fn can_transmit(job_context: JobContext, job: &Job) -> Outcome {
     let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
     let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
@@ -52,7 +52,7 @@ fn can_transmit(job_context: JobContext, job: &Job) -> Outcome {
     Ok(answer)
 }
 
-/// Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
+/// Runs `CAN_RECEIVE`. Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
 fn can_receive(job_context: JobContext, job: &Job) -> Outcome {
     let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
     let node = &mut job_context.firmware.node;
@@ -66,7 +66,7 @@ fn can_receive(job_context: JobContext, job: &Job) -> Outcome {
     Ok(answer)
 }
 
-/// Returns ERRORCOUNT; starts the return of a BUS-off controller (p. 36).
+/// Runs `CAN_ERRORHANDLER`. Returns ERRORCOUNT, and starts the return of a BUS-off controller (p. 36).
 fn can_errorhandler(job_context: JobContext, job: &Job) -> Outcome {
     let is_reset = job.argument(0, 0..=1)? != 0;
     let mut answer = Answer::default();

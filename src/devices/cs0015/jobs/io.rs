@@ -10,7 +10,7 @@ use crate::devices::cs0015::registers::values::{bool, job};
 
 /// Duration of the network's boot-up, in us (p. 73: more than 2 s).
 const BOOT_UP_US: u64 = 2_000_000;
-/// CFG_RESULT: read or written; not yet (p. 77).
+/// Values of CFG_RESULT (p. 77). `DONE`: read or written. `NOT_YET`: not yet read or written.
 const DONE: u32 = 1;
 const NOT_YET: u32 = 2;
 /// Identifiers of a module's receive PDOs (D-451).
@@ -33,7 +33,7 @@ fn number_of_nodes(job: &Job) -> Result<u8, OutOfRange> {
     Ok(job.argument(0, 1..=127)? as u8)
 }
 
-/// Makes the device the master of nodes 1 to NO_NODE, and finishes 2 s later (p. 73, D-449).
+/// Makes the device the master of nodes 1 to NO_NODE. The order finishes 2 s later (p. 73, D-449).
 fn boot_up(job_context: JobContext, job: &Job) -> Outcome {
     let count = number_of_nodes(job)?;
     let (guard_ms, life) = (job.argument(1, 0..=65_535)?, job.argument(2, 0..=255)? as u8);
@@ -76,7 +76,7 @@ fn main(mut job_context: JobContext, job: &Job) -> Outcome {
         nmt.io.forget_missing();
     }
     if sync_us != 0 && now >= nmt.io.next_sync && has_room(node, controller) {
-        // After a delay of more than one period the schedule restarts.
+        // If the call is more than one period late, the schedule starts again at this call.
         let next = nmt.io.next_sync + sync_us;
         nmt.io.next_sync = if next > now { next } else { now + sync_us };
         node.send_sync(now);
@@ -84,8 +84,8 @@ fn main(mut job_context: JobContext, job: &Job) -> Outcome {
     Ok(Answer { data: nmt.io.missing().to_vec(), ..Answer::default() })
 }
 
-/// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). The order remains until it is
-/// finished.
+/// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). The order is checked
+/// again until it is finished.
 fn configure(mut job_context: JobContext, job: &Job, model: Model) -> Outcome {
     let number = job.argument(0, NODES)? as u8;
     let (is_read, is_write) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);

@@ -8,12 +8,13 @@ use crate::devices::cs0015::canopen::node::Node;
 use crate::devices::cs0015::jobs::{Answer, Job, JobContext, Outcome, Refusal};
 use crate::devices::cs0015::registers::values::job;
 
-/// Values of RESULT: done; not sent or not successful; parameters out of their ranges; no master.
+/// Values of RESULT. `OK`: done. `NOT_SENT`: not sent, or not successful. Then follow the values for
+/// parameters out of their ranges, and for a device that is not a master.
 const OK: u32 = 0;
 const NOT_SENT: u32 = 1;
 const PARAMETERS: u32 = 2;
 const NO_MASTER: u32 = 255;
-/// RESULT of SDOs: finished. An aborted transfer is not finished.
+/// RESULT of SDOs for a finished transfer. An aborted transfer does not count as finished.
 const FINISHED: u32 = 1;
 /// Number of bytes in DATA of an SDO (bytes 0 to 255).
 const MOST: u32 = 256;
@@ -34,7 +35,7 @@ pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
         job::NMM_SET_PREPARED => Ok(result(command(job_context, job, Command::Stop))),
         job::NMM_GET_NODE_STATE => Ok(results(&node_state(job_context, job))),
         job::NMM_RESET_NODE => Ok(result(command(job_context, job, Command::ResetNode))),
-        // Manual p. 65 has a STATE, which is not known after a reset.
+        // The block of manual p. 65 has an output STATE. The state of a node is unknown after a reset.
         job::NMM_RESET_COMM => Ok(results(&[0, command(job_context, job, Command::ResetCommunication)])),
         job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(job_context),
         job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(job_context)))),
@@ -59,14 +60,15 @@ fn node_number(job: &Job) -> Option<u8> {
     job.argument(0, 0..=127).ok().map(|number| number as u8)
 }
 
-/// Returns the master and related objects, if the device is a master.
+/// If the device is a master, returns the master and related objects.
 pub(crate) fn master<'a>(
     job_context: &'a mut JobContext,
 ) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
     Some((job_context.firmware.nmt.as_mut()?, &mut job_context.firmware.node, &*job_context.controller))
 }
 
-/// `CAN_OPEN` takes effect at once here: the program may set it and call NMM_SET_NMT_MASTER in its first cycle (p. 52).
+/// Runs `NMM_SET_NMT_MASTER`. The flag `CAN_OPEN` takes effect at once here, because a program may set it and
+/// call the block in its first cycle (p. 52).
 fn set_nmt_master(job_context: JobContext) -> Outcome {
     job_context.firmware.open(job_context.now);
     if job_context.firmware.node.state() == State::Initialising {
@@ -96,7 +98,7 @@ fn guarding(mut job_context: JobContext, job: &Job, does: impl FnOnce(&mut Nmt, 
     if is_known { OK } else { PARAMETERS }
 }
 
-/// Requests the states that are due; the program calls this repeatedly (D-440).
+/// Requests the states that are due. The program must call the function repeatedly (D-440).
 fn node_guarding(mut job_context: JobContext, job: &Job) -> u32 {
     let (now, restart) = (job_context.now, job.argument(0, 0..=1));
     let (Some((nmt, node, _)), Ok(restart)) = (master(&mut job_context), restart) else { return NO_MASTER };
@@ -109,7 +111,7 @@ pub(crate) fn has_room(node: &Node, controller: &Controller) -> bool {
     node.to_send() + controller.to_send() < Controller::ROOM
 }
 
-/// Sends a command for a node, for all, or for the master itself (D-439).
+/// Sends a command to a node or to all nodes, or executes it for the master itself (D-439).
 fn command(mut job_context: JobContext, job: &Job, command: Command) -> u32 {
     let now = job_context.now;
     let Some((nmt, node, controller)) = master(&mut job_context) else { return NO_MASTER };
@@ -137,7 +139,7 @@ fn command(mut job_context: JobContext, job: &Job, command: Command) -> u32 {
     OK
 }
 
-/// Returns STATE and RESULT. For all nodes STATE is their common state.
+/// Returns STATE and RESULT. For all nodes, STATE is the state that they have in common.
 fn node_state(mut job_context: JobContext, job: &Job) -> [u32; 2] {
     let Some((nmt, node, _)) = master(&mut job_context) else { return [0, NO_MASTER] };
     let known = |number: u8| {
@@ -175,7 +177,8 @@ fn emergency(mut job_context: JobContext) -> Outcome {
     Ok(Answer { data: emergency.data.to_vec(), ..results(&numbers) })
 }
 
-/// Returns RESULT and the abort code; DATA of a read. The order remains until it is finished.
+/// Returns RESULT and the abort code, and after a read also DATA. The order is checked again until it is
+/// finished.
 fn sdo(mut job_context: JobContext, job: &Job) -> Outcome {
     let (now, place) = (job_context.now, job_context.place);
     let (nmt, node, _) = master(&mut job_context).ok_or(Refusal::State)?;
@@ -219,7 +222,7 @@ mod tests {
     use crate::devices::cs0015::registers::DEVICE;
     use crate::memory::Segment;
 
-    /// Frames that the node still has to send need room in the controller as well.
+    /// Frames that the node has queued, but not given to the controller, need room in the controller, too.
     #[test]
     fn there_is_room_for_as_many_frames_as_the_controller_takes() {
         let registers = Registers::new(&Segment::of(&DEVICE)).unwrap();

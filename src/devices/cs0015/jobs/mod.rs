@@ -1,7 +1,5 @@
-//! Jobs: orders of a program to the operating system by the functions of the libraries, in the job block (p. 30-119,
-//! D-434).
-//!
-//! This module accepts and answers orders. The functions themselves are in the modules of their subjects.
+//! Jobs: orders of a program to the operating system. A program gives the orders by the functions of the
+//! libraries, through the job block (p. 30-119, D-434).
 
 mod can;
 mod io;
@@ -62,7 +60,7 @@ pub(crate) struct Answer {
 /// Result of an order.
 pub(crate) type Outcome = Result<Answer, Refusal>;
 
-/// Reason for which an order has no regular answer.
+/// Reason why an order has no regular answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// The function does not exist.
@@ -71,7 +69,8 @@ pub(crate) enum Refusal {
     Arguments,
     /// The device cannot execute the function now: it is not a master, or the node or identifier is unknown.
     State,
-    /// The order was started, or waits for another order. The firmware checks it again later.
+    /// The order was started, or waits for another order to finish. The firmware checks the order again
+    /// later.
     Later,
 }
 
@@ -99,7 +98,7 @@ pub(crate) struct JobContext<'a> {
     pub now: u64,
 }
 
-/// Orders that have been started: for each, its place and its number.
+/// Orders that have been started. Each entry has the order's place and number.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct StartedOrders(Vec<(usize, u32)>);
 
@@ -108,13 +107,13 @@ impl StartedOrders {
         self.0.is_empty()
     }
 
-    /// True if there are orders that were not started.
+    /// True if the job block contains orders that were not started yet.
     pub(crate) fn has_new_orders(&self, registers: &Registers) -> bool {
         let is_new = |place: usize| !self.0.iter().any(|(begun, _)| *begun == place);
         (0..PLACES).any(|place| is_order(registers, place) && is_new(place))
     }
 
-    /// Returns the places with an order that was withdrawn or replaced.
+    /// Returns the places at which the program has withdrawn or replaced an order.
     fn take_withdrawn(&mut self, registers: &Registers) -> Vec<usize> {
         let number = |place: usize| registers.jobs.a_ORDER[place].load();
         let is_there =
@@ -136,7 +135,7 @@ fn is_order(registers: &Registers, place: usize) -> bool {
     registers.jobs.a_CONTROL[place].load() == job_control::ORDER
 }
 
-/// Returns the places with orders, in the sequence of the orders.
+/// Returns the places with orders, in the sequence in which the orders were given.
 fn orders(registers: &Registers) -> Vec<usize> {
     let mut places: Vec<usize> = (0..PLACES).filter(|place| is_order(registers, *place)).collect();
     let first = places.first().map_or(0, |place| registers.jobs.a_ORDER[*place].load());
@@ -159,7 +158,7 @@ fn answer(registers: &Registers, place: usize, outcome: &Outcome) {
     let _ = jobs.a_CONTROL[place].compare_exchange(job_control::ORDER, job_control::DONE);
 }
 
-/// Carries out the orders of a running program.
+/// Carries out the orders of the program. The program must be running.
 pub(crate) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut Controller) {
     if !firmware.under_way.is_empty() {
         for place in firmware.under_way.take_withdrawn(&firmware.node.registers) {
@@ -177,7 +176,7 @@ pub(crate) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
         job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
         let job_context =
             JobContext { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
-        // The high byte of a function's number is the part of the manual that describes the function.
+        // The high byte of a function's number identifies the part of the manual that describes the function.
         let outcome = match function >> 8 {
             1 => can::carry_out(job_context, &job),
             2 => slave::carry_out(job_context, &job),

@@ -12,7 +12,7 @@ use crate::devices::cs0015::registers::values::{bool, job};
 use crate::devices::cs0015::registers::{CS0015_FLAGS, FLAGS, OUTPUTS};
 use crate::devices::cs0015::rules;
 
-/// Range of the time that `TIMER_READ` returns, in ms, and its steps (p. 115).
+/// Range of the time that `TIMER_READ` returns, in ms. `STEP_MS` is the step of this time (p. 115).
 const TIMER_MS: u64 = 655_360;
 const STEP_MS: u64 = 10;
 
@@ -73,7 +73,7 @@ fn channel(job: &Job, argument: usize, count: usize) -> Result<u8, OutOfRange> {
     job.argument(argument, 0..=count as u32 - 1).map(|channel| channel as u8)
 }
 
-/// Common part of `PWM` and `PWM100` after their values were read; `value` takes effect with CHANGE.
+/// Common last part of `PWM` and `PWM100`. `value` takes effect if CHANGE is TRUE.
 fn put(
     job_context: JobContext,
     channel: u8,
@@ -97,7 +97,8 @@ fn put(
     Ok(Answer::default())
 }
 
-/// Runs `PWM` (p. 92). Dither varies the value slightly (p. 91), which is not visible at the terminals here.
+/// Runs `PWM` (p. 92). Dither varies the value slightly (p. 91). The emulator does not show this variation at
+/// the terminals.
 fn pwm(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, reload, is_divided) = (flag(job, 0)?, word(job, 1)?, flag(job, 2)?);
     let (channel, value, is_new) = (channel(job, 3, CHANNELS)?, word(job, 4)?, flag(job, 5)?);
@@ -147,7 +148,8 @@ fn inc_encoder(job_context: JobContext, job: &Job) -> Outcome {
     Ok(of([counter.cast_unsigned(), is_up.into(), is_down.into()]))
 }
 
-/// Returns BLINK, STATES and POINTS, which begin at this argument.
+/// Adds BLINK, STATES and POINTS, which are arguments 1 to 3, to `lcd`. If `is_new`, the display shows the
+/// result.
 fn shown(job_context: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     let lcd = lcd.with(byte(job, 1)?, byte(job, 2)?, byte(job, 3)?);
     if is_new {
@@ -156,7 +158,8 @@ fn shown(job_context: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome 
     Ok(Answer::default())
 }
 
-/// Runs `LCD_SEGMENTS` (p. 101). In DIGITS each place has a byte, in LETTERS a word with the low byte first.
+/// Runs `LCD_SEGMENTS` (p. 101). In DIGITS each digit has a byte. In LETTERS each letter has a word with the
+/// low byte first.
 fn lcd_segments(job_context: JobContext, job: &Job) -> Outcome {
     let Some((digits, letters)) = job.data.split_first_chunk::<DIGITS>() else {
         return Err(Refusal::Arguments);
@@ -181,7 +184,7 @@ fn eeprom(job_context: JobContext, job: &Job, access: Access) -> Outcome {
     Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, job_context.now)]))
 }
 
-/// True if RS 232 belongs to the program (p. 112-114); reports a finding if not.
+/// True if the program uses RS 232 (p. 112-114). If not, reports a finding.
 fn has_serial(job_context: &mut JobContext) -> bool {
     let Firmware { peripherals, node, .. } = &mut *job_context.firmware;
     let flag = &node.registers.flags.SERIAL_MODE;

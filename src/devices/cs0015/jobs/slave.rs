@@ -40,7 +40,7 @@ fn nms_guarding_config(job_context: JobContext, job: &Job) -> Outcome {
     Ok(Answer::default())
 }
 
-/// Configures a PDO and resets the communication, which ends the role of master (p. 48).
+/// Configures a PDO and resets the communication. This reset ends the role of master (p. 48).
 fn pdo_config(job_context: JobContext, job: &Job, way: PdoDirection) -> Outcome {
     let (pdo, id) = (pdo(job)?, job.argument(1, 0..=0x7FF)? as u16);
     let code = job.argument(2, 0..=255)? as u8;

@@ -1,4 +1,4 @@
-//! Errors of the CAN bus: p. 18-19, 35-36, 44.
+//! Tests errors of the CAN bus: p. 18-19, 35-36, 44.
 
 use super::*;
 use crate::devices::can_faults::{self, OVERRUN};
@@ -14,7 +14,7 @@ fn bus_off(bench: &mut Bench) {
     bench.run(500);
 }
 
-/// An attached program that has switched CANopen on.
+/// Returns a bench with an attached program that has switched CANopen on.
 fn attached() -> Bench {
     let mut bench = Bench::running("program = 'attached'");
     bench.registers.flags.CAN_OPEN.store(1);

@@ -1,4 +1,4 @@
-//! CAN used by a program directly: p. 22-23, 32-34.
+//! Tests the direct use of CAN by a program: p. 22-23, 32-34.
 
 use super::{Bench, MS};
 use crate::devices::cs0015::registers::values::{job, job_error};
@@ -13,7 +13,7 @@ fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
     (results[2], results[3], bench.answer_data())
 }
 
-/// Manual p. 28: after power-on the device is on the bus without CANopen.
+/// Manual p. 28: after power-on the device takes part in the bus, but not as a CANopen node.
 #[test]
 fn messages_wait_for_the_program() {
     let mut bench = Bench::running(ATTACHED);
@@ -39,8 +39,8 @@ fn messages_wait_for_the_program() {
     assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE, "forgotten");
 }
 
-/// Manual p. 42: the jobs of CAN messages are available with CANopen as well. Section 11.1: a reset by the master
-/// removes the registered identifiers.
+/// Manual p. 42: a program can also use the jobs for CAN messages while CANopen runs. Section 11.1: a reset
+/// by the master removes the registered identifiers.
 #[test]
 fn with_canopen_messages_wait_until_the_master_resets_the_node() {
     let mut bench = Bench::running("");

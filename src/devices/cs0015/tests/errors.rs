@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Guard time 100 ms, life time factor 3.
+/// Returns a node with a guard time of 100 ms and a life time factor of 3.
 fn guarded() -> Bench {
     let mut bench = Bench::running("");
     bench.exchange(0x620, &[0x2B, 0x0C, 0x10, 0, 100, 0, 0, 0]);
@@ -94,7 +94,8 @@ fn a_missing_sync_is_reported() {
     assert_eq!(bench.exchange(0x80, &[]), [(0xA0, vec![0; 8])]);
 }
 
-/// A prepared node sends no emergencies; it reports present errors when it may send again (D-414).
+/// A prepared node sends no emergencies. As soon as it may send again, it reports the errors that are present
+/// (D-414).
 #[test]
 fn emergencies_wait_until_they_can_be_sent() {
     let mut bench = Bench::running("");
@@ -103,7 +104,7 @@ fn emergencies_wait_until_they_can_be_sent() {
     bench.run(50 * MS);
     assert_eq!(bench.heard(), []);
     assert_eq!(bench.exchange(0, &[128, 0]), [(0xA0, vec![0x00, 0x10, 0x01, 0, 0, 0, 0, 0])]);
-    // Bit 30 of 1014h is 0: the node sends no emergencies.
+    // Bit 30 of 1014h is 0. This means that the node sends no emergencies.
     bench.exchange(0x620, &[0x23, 0x14, 0x10, 0, 0xA0, 0, 0, 0]);
     bench.registers.flags.ERROR.store(0);
     bench.run(50 * MS);

@@ -4,7 +4,7 @@ use super::*;
 use embedded_can::ExtendedId;
 use proptest::prelude::*;
 
-/// Returns frames, chosen so that many have a meaning for the controller.
+/// Returns random frames. Many of them have a meaning for the controller.
 fn frame() -> impl Strategy<Value = Frame> {
     let known =
         prop_oneof![Just(0), Just(0x80), Just(0x620), Just(0x720), Just(0x220), Just(0x387), 0..0x800_u16];
@@ -26,7 +26,7 @@ fn frame() -> impl Strategy<Value = Frame> {
     prop_oneof![3 => plain, 2 => management, 4 => sdo, 2 => remote, 1 => extended]
 }
 
-/// True if the bytes are a request: eight bytes, and no abort of the client.
+/// True if the frame is an SDO request: it has eight bytes, and is not an abort of the client.
 fn is_request(frame: &Frame) -> bool {
     let is_sdo = frame.id() == Id::Standard(StandardId::new(0x620).unwrap()) && !frame.is_remote_frame();
     is_sdo && frame.data().len() == 8 && frame.data()[0] >> 5 != 4

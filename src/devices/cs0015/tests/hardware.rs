@@ -1,4 +1,4 @@
-//! Faults of the hardware, and the operating states that they lead to.
+//! Tests faults of the hardware, and the operating states that they cause.
 
 use super::*;
 use crate::devices::cs0015::records::{CommandRefused, RefusalReason, Watchdog};
@@ -6,7 +6,7 @@ use crate::devices::cs0015::registers::FRONT_OUTPUTS;
 use crate::journal::Record;
 use crate::memory::Width;
 
-/// Writes %QW0, and lets a cycle of the program end.
+/// Writes %QW0, and waits until a cycle of the program has ended.
 fn put(bench: &mut Bench, outputs: u16) {
     bench.registers.outputs.Q0.store(outputs);
     bench.run(12 * MS);
@@ -73,7 +73,8 @@ fn a_broken_wire_is_reported_with_its_output() {
     assert_eq!(bench.heard(), [emergency([0; 8])]);
 }
 
-/// Manual p. 44: bits 1 to 3 of the error register are in 1001h as well, though p. 156 lists 0, 4 and 7 only (D-414).
+/// Manual p. 44: bits 1 to 3 of the error register are also in 1001h, although p. 156 lists only bits 0, 4
+/// and 7 (D-414).
 #[test]
 fn supply_and_temperature_have_separate_bits() {
     let mut bench = Bench::operational("");
@@ -197,8 +198,8 @@ fn without_an_operating_system_only_a_download_helps() {
     assert_eq!(reasons, expected.map(|why| why as u8));
 }
 
-/// If guarding was active when the supply was switched off, the device does not report a missing master after the
-/// supply is switched on.
+/// Guarding was active when the supply was switched off. When the supply is switched on again, the device
+/// must not report a missing master.
 #[test]
 fn no_master_is_missed_during_the_reset() {
     let mut bench = Bench::running("guarding = { guard_time_ms = 100, life_time = 1 }");

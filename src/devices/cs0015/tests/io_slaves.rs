@@ -1,4 +1,4 @@
-//! A master of I/O modules, which the test simulates: p. 71-85.
+//! Tests a master of I/O modules. The test simulates the modules: p. 71-85.
 
 use super::{Bench, MS};
 use crate::devices::cr201x::Model;
@@ -7,7 +7,7 @@ use crate::devices::cs0015::registers::values::{job, job_error};
 const DONE: u32 = 1;
 const NOT_YET: u32 = 2;
 
-/// Returns a master of node 3, by `COP_MSTR_BOOTUP`; the test has simulated the node's answers.
+/// Returns a master of node 3 after `COP_MSTR_BOOTUP`. The test has simulated the answers of the node.
 fn booted() -> Bench {
     let mut bench = Bench::running("node_id = 32, program = 'attached'");
     bench.order(0, job::COP_MSTR_BOOTUP, &[3, 500, 9]);
@@ -36,7 +36,7 @@ fn the_boot_up_takes_two_seconds() {
     assert!(bench.is_answered(0));
 }
 
-/// Answers the SDOs of a configuration as module 3 with these values, until the order is answered.
+/// Answers the SDOs of a configuration for module 3, with these values, until the order is answered.
 fn configure(bench: &mut Bench, values: &mut [u8]) -> Vec<(u16, u8, bool)> {
     let mut asked = Vec::new();
     for _ in 0..40 {
@@ -94,7 +94,7 @@ fn functions_for_modules_need_a_master() {
     assert_eq!(bench.job(0x0407, &[]).0, job_error::FUNCTION);
 }
 
-/// Manual p. 77-80: a CR2010 is configured, started, and its words are exchanged.
+/// Manual p. 77-80: the master configures and starts a CR2010, and exchanges its words.
 #[test]
 fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     let mut bench = booted();
@@ -167,7 +167,8 @@ fn a_cr2011_has_signed_setpoints_and_reports_its_current() {
     assert_eq!([word(&bench, 1031), word(&bench, 1033)], [7, 500], "nothing, and the current");
 }
 
-/// Manual p. 77: no result reports an abort; the configuration is not finished yet.
+/// Manual p. 77: no value of CFG_RESULT means an abort. So an aborted configuration counts as not finished
+/// yet.
 #[test]
 fn a_refused_configuration_is_repeated_by_the_next_order() {
     let mut bench = booted();
@@ -208,7 +209,7 @@ fn the_cyclic_block_sends_sync_and_notes_missing_nodes() {
     let syncs = heard.iter().filter(|frame| **frame == (0x80, vec![])).count();
     assert!((9..=11).contains(&syncs), "every 50 ms: {syncs}");
     assert_eq!(main(&mut bench, 1, 0), [0; 8]);
-    // The test answers for nodes 1 and 2, never for node 3.
+    // The test answers for nodes 1 and 2, but never for node 3.
     for _ in 0..12 {
         bench.send(0x701, &[127]);
         bench.send(0x702, &[127]);

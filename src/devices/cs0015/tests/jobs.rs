@@ -1,4 +1,4 @@
-//! Orders of a program to the operating system: p. 30-51.
+//! Tests orders of a program to the operating system: p. 30-51.
 
 use super::{Bench, MS};
 use crate::devices::catalogue;
@@ -9,7 +9,7 @@ use crate::journal::{Format, Names};
 
 const ATTACHED: &str = "program = 'attached', cycle_us = 5000";
 
-/// An attached program that has switched CANopen on.
+/// Returns a bench with an attached program that has switched CANopen on.
 fn canopen() -> Bench {
     let mut bench = Bench::running(ATTACHED);
     assert_eq!(bench.exchange(0, &[1, 32]), [], "CANopen is off");
@@ -92,7 +92,8 @@ fn pdos_are_configured_and_repeated() {
     assert_eq!(bench.job(job::PDO_TX_REFRESH, &[2]).0, job_error::NONE);
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x2A0, vec![0; 8])]);
-    // A PDO with an identifier of the predefined connection set keeps following the Node-ID.
+    // The PDO has an identifier of the predefined connection set. Such an identifier still changes with the
+    // Node-ID.
     bench.job(job::NMS_SET_NODEID, &[7]);
     bench.send(0x207, &[1, 2, 3, 4, 5, 6, 7, 8]);
     bench.run(5 * MS);
@@ -149,7 +150,7 @@ fn an_unknown_function_is_refused_and_reported() {
     }
 }
 
-/// The functions are called only while the program runs.
+/// The operating system carries out the functions only while the program runs.
 #[test]
 fn orders_of_a_stopped_program_are_not_carried_out() {
     let mut bench = canopen();

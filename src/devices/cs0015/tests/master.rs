@@ -1,11 +1,11 @@
-//! The built-in program as master of nodes, which the test simulates.
+//! Tests the built-in program as master of nodes. The test simulates the nodes.
 
 use super::*;
 use crate::devices::cs0015::registers::values::program;
 
 const KEYS: &str = "node_id = 1, program = 'master', nodes = [5], guard_ms = 100, life = 2, sync_ms = 20";
 
-/// Returns the frames that the master has sent since the last call, without SYNC; remote frames have no data.
+/// Returns the frames, except SYNC, that the master has sent since the last call. Remote frames have no data.
 fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
 }

@@ -1,4 +1,4 @@
-//! A program as master of nodes, which the test simulates: p. 52-70.
+//! Tests a program as master of nodes. The test simulates the nodes: p. 52-70.
 
 use super::{Bench, MS};
 use crate::devices::cs0015::registers::values::{job, job_error};
@@ -6,10 +6,10 @@ use crate::devices::cs0015::registers::values::{job, job_error};
 const NOT_MASTER: u32 = 255;
 const WRONG: u32 = 2;
 
-/// Returns a master with node 5, which is guarded every 100 ms.
+/// Returns a master with node 5. The master guards the node every 100 ms.
 fn master() -> Bench {
     let mut bench = Bench::running("node_id = 1, program = 'attached'");
-    // The program gives the two orders in its first cycle.
+    // The program sets the flag and makes the device a master in its first cycle.
     bench.registers.flags.CAN_OPEN.store(1);
     assert_eq!(bench.job(job::NMM_SET_NMT_MASTER, &[]).0, job_error::NONE);
     assert_eq!(bench.result(job::NMM_ADD_NODE, &[5, 100, 2]), 0);

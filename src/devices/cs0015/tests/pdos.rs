@@ -81,14 +81,15 @@ fn the_inhibit_time_is_kept() {
     let times: Vec<_> = bench.heard_when().into_iter().map(|(at, id, _)| (at, id)).collect();
     assert!((5..=6).contains(&times.len()), "{times:?}");
     assert!(times.iter().all(|(_, id)| *id == 0x390), "{times:?}");
-    // The times agree to the microsecond, except for stuff bits.
+    // The times agree to the microsecond, except for the duration of stuff bits.
     assert!(times.windows(2).all(|two| two[1].0 - two[0].0 + 200 >= 100 * MS), "{times:?}");
     bench.run(200 * MS);
     let last = bench.heard();
     assert_eq!(last.last(), Some(&(0x390, vec![50, 0, 0, 0, 0, 0, 0, 0])), "the last value goes, too");
 }
 
-/// Manual p. 48, 155: a reset of the communication keeps the program's settings, not the settings by SDO.
+/// Manual p. 48, 155: a reset of the communication keeps the program's settings, but not settings that were
+/// made by SDO.
 #[test]
 fn settings_of_the_program_outlive_a_reset() {
     let mut bench = Bench::operational("boot_up = '700', pdo_rx = [{ pdo = 3, id = 0x3A0 }]");
@@ -105,7 +106,7 @@ fn settings_of_the_program_outlive_a_reset() {
     assert_eq!((word(&bench, 0, 0), word(&bench, 2, 0)), (0x0808, 0x0909));
 }
 
-/// The two stages of the start (p. 155): CANopen, then the PDOs, which restart it.
+/// The start has two stages (p. 155): first CANopen starts, then the configuration of the PDOs restarts it.
 #[test]
 fn a_program_with_pdo_settings_starts_in_two_stages() {
     let boots = |keys: &str| {

@@ -8,7 +8,7 @@ use crate::devices::cs0015::registers::{
 };
 use crate::layout::{Width, shown_text};
 
-/// Returns the results of a function called with valid arguments.
+/// Calls a function with valid arguments and returns its results.
 fn ask(bench: &mut Bench, function: u16, arguments: &[u32]) -> Vec<u32> {
     let (error, results) = bench.job(function, arguments);
     assert_eq!(error, job_error::NONE, "{function:04X} {arguments:?}");
@@ -97,7 +97,7 @@ fn fast_inputs_measure_their_signals() {
     assert_eq!((counted[0], counted[1], counted[2]), (10, 0, 1));
     let preset = (-5_i32).cast_unsigned();
     assert_eq!(ask(&mut bench, job::INC_ENCODER, &[0, 0, preset, 1])[0], preset);
-    // A signal with a period of 20 ms: each cycle sees one half.
+    // The signal has a period of 20 ms. So samples every 10 ms see the two halves of the period alternately.
     bench.set(FRONT_MHZ_1, 50_000);
     let mut seen = Vec::new();
     for _ in 0..4 {
@@ -327,7 +327,8 @@ fn a_slave_configures_its_pdos_before_it_is_started() {
     assert_eq!(broken(&mut bench), [""; 0]);
 }
 
-/// The function blocks give the orders that the functions give, with the inputs and outputs of the manual.
+/// The function blocks give the same orders as the functions. Their inputs and outputs are those of the
+/// manual.
 #[cfg(feature = "plc")]
 #[test]
 fn blocks_give_the_orders_of_the_functions() {

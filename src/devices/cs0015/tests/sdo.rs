@@ -4,7 +4,7 @@ use super::*;
 use crate::devices::canopen::sdo::Abort;
 use crate::layout::object::{Access, Type};
 
-/// Executes a transfer as a client would do, with this Node-ID.
+/// Executes a transfer with the node of this Node-ID, as a client would do.
 pub(super) fn transfer(bench: &mut Bench, node: u16, request: [u8; 8]) -> [u8; 8] {
     let heard = bench.exchange(0x600 + node, &request);
     let [(id, data)] = heard.as_slice() else { panic!("{request:X?}: {heard:X?}") };
@@ -94,7 +94,7 @@ fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     assert_eq!((number(&mut bench, 0x20F0, 0), number(&mut bench, 0x20F1, 0)), (32, 32));
     assert_eq!(write(&mut bench, 0x20F0, 0, 5, 1), Ok(()));
     assert_eq!((number(&mut bench, 0x100B, 0), bench.registers.flags.NODEID.load()), (32, 32));
-    // The answer has the identifier that the master expects.
+    // The answer has the identifier that the master expects: the one before the change.
     assert_eq!(write(&mut bench, 0x20F1, 0, 5, 1), Ok(()));
     assert_eq!(bench.registers.flags.NODEID.load(), 5);
     let read_value = |bench: &mut Bench, index, sub| {
@@ -164,7 +164,7 @@ fn retained_data_are_transferred_in_segments() {
     assert_eq!(answer, request(0x80, 0x2000, 0, Abort::TooLong.code()));
 }
 
-/// Manual p. 155: the device saves these values and no others.
+/// Manual p. 155: the device saves exactly these values.
 #[test]
 fn saved_entries_survive_a_power_cycle() {
     let mut bench = Bench::running("");

@@ -1,10 +1,11 @@
-//! Settings of the object dictionary: the time at which they take effect, and whether they are stored (p. 155-163).
+//! Tests settings of the object dictionary: when they take effect, and whether they are stored (p. 155-163).
 
 use super::sdo::{number, request, transfer, write};
 use super::*;
 use crate::layout::object::{Access, Type};
 
-/// Returns another value for each writable number, except those in the tests of SDO, Node-ID and bit rate.
+/// Returns another value for each writable number. The exceptions are numbers in the tests of SDO, Node-ID
+/// and bit rate.
 fn other_value(index: u16, sub: u8) -> Option<u32> {
     let pdo = u32::from(index & 7);
     Some(match (index, sub) {
@@ -23,8 +24,8 @@ fn other_value(index: u16, sub: u8) -> Option<u32> {
     })
 }
 
-/// Entries saved according to p. 155. A reset of the communication sets the others to their defaults, except words of PDOs, which
-/// are flags of the program.
+/// Entries that p. 155 lists as saved. A reset of the communication sets all others to their defaults, except
+/// the words of PDOs, which are flags of the program.
 const SAVED: [u16; 6] = [0x1005, 0x1006, 0x100C, 0x100D, 0x100E, 0x1014];
 
 /// Manual p. 155-163: every writable row.
@@ -127,7 +128,8 @@ fn identifiers_of_the_sdo_take_effect_at_once() {
     assert_eq!(transfer(&mut bench, 32, request(0x40, 0x1000, 0, 0))[0], 0x43);
 }
 
-/// Manual p. 42, 155: a node that was guarded once supervises its master as soon as both times are set.
+/// Manual p. 42, 155: a node that was guarded at least once supervises its master as soon as both times are
+/// set.
 #[test]
 fn guarding_times_take_effect_at_once() {
     let mut bench = Bench::running("");
@@ -199,7 +201,7 @@ fn transmission_types_take_effect_in_the_next_operational() {
     bench.run(15 * MS);
     assert_eq!(bench.heard().len(), 8);
     assert!((0..8).all(|pdo| received(&bench, pdo) == 0x0202));
-    // A type written in Pre-Operational takes effect in the following Operational.
+    // A type that is written in Pre-Operational takes effect in the next Operational.
     bench.exchange(0, &[128, 0]);
     assert_eq!(write(&mut bench, 0x1800, 2, 255, 1), Ok(()));
     bench.exchange(0, &[1, 0]);
@@ -208,7 +210,8 @@ fn transmission_types_take_effect_in_the_next_operational() {
     assert_eq!(bench.heard().len(), 1);
 }
 
-/// Manual p. 7, 21, 41: 10 to 1000 kbit/s. Other invalid values of parameters are not stored either (D-661).
+/// Manual p. 7, 21, 41: bit rates from 10 to 1000 kbit/s are valid. No invalid value of a parameter is stored
+/// (D-661).
 #[test]
 fn an_invalid_value_is_replaced_by_the_stored_one() {
     let mut bench = Bench::running("");

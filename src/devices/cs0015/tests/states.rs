@@ -1,4 +1,4 @@
-//! Operating states, LED STAT, network management, the programming system, inputs and outputs.
+//! Tests operating states, LED STAT, network management, the programming system, inputs and outputs.
 
 use super::*;
 use crate::devices::canopen::records::NodeState;
@@ -32,8 +32,9 @@ fn network_management_starts_and_stops_the_controller() {
     assert_eq!(states, [127, 5, 4, 127]);
 }
 
-/// Manual p. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that attaches
-/// its program while the controller runs requests a start, as on any device that has a project.
+/// Manual p. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process
+/// that attaches its program while the controller runs requests a start, as with any device that has a
+/// project.
 #[test]
 fn the_program_starts_and_stops_with_the_states() {
     let mut bench = Bench::new("program = 'attached'");
@@ -54,7 +55,7 @@ fn the_program_starts_and_stops_with_the_states() {
     assert_eq!((ordered(&header).0, header.program.start_request.load()), (2, 0), "refused in Stop");
     bench.exchange(0, &[128, 0]);
     assert_eq!(ordered(&header), (3, Start::Hot));
-    // A program ends, and another one starts before the next check of the firmware.
+    // One program ends, and another program starts before the next check of the firmware.
     header.program.state.store(ProgramState::None.code());
     header.program.state.store(ProgramState::Stopped.code());
     header.program.start_request.store(Start::Cold.code());
@@ -208,7 +209,7 @@ fn terminals_and_keys_are_inputs() {
     assert_eq!(inputs(&bench), (0x8001, 15, 0, 0, 1));
 }
 
-/// Manual p. 19: the program's error switches the outputs off.
+/// Manual p. 19: while the program reports an error, the outputs are off.
 #[test]
 fn outputs_are_driven_while_the_program_runs_without_error() {
     let mut bench = Bench::operational("");
@@ -235,7 +236,7 @@ fn outputs_are_driven_while_the_program_runs_without_error() {
 fn only_retained_flags_survive_a_power_cycle() {
     let mut bench = Bench::running("");
     let flags = DEVICE.spaces.iter().find(|space| space.name == "flags").unwrap();
-    // The system uses the words below %MW512 and the words of PDOs.
+    // The operating system uses the words below %MW512 and the words of the PDOs.
     let words = [0, 127, 128, 600, 1500, 2000, 3967].map(|word| flags.offset + 2 * word);
     for word in words {
         bench.segment.store(word, Width::Word, 0x1234).unwrap();

@@ -32,7 +32,8 @@ impl Node {
         self.send(StandardId::ZERO, &[command.code(), node]);
     }
 
-    /// Sends a SYNC object, which the device also evaluates itself; returns `false` if it has no identifier.
+    /// Sends a SYNC object. The device also evaluates this object itself. Returns `false` if SYNC has no
+    /// identifier.
     pub(crate) fn send_sync(&mut self, now: u64) -> bool {
         let Some(id) = self.identifiers.sync else { return false };
         self.send(id, &[]);
@@ -40,7 +41,7 @@ impl Node {
         true
     }
 
-    /// Receives all frames, as a master must, or only the frames for this node.
+    /// Sets whether the node receives all frames, as a master must, or only the frames for this node.
     pub(crate) fn set_open(&mut self, is_open: bool) {
         self.is_open = is_open;
         self.has_moved = true;
