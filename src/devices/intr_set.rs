@@ -1,12 +1,12 @@
-//! `INTR_SET`: an event task of any device subscribes to its event by a request in the header page
-//! (`docs/reference/attach.md`).
+//! `INTR_SET`: an event task of any device subscribes to its event. The block writes a request in the header
+//! page (`docs/reference/attach.md`).
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
 use crate::memory::header::InterruptResult;
 use crate::plc::{Ram, function_block};
 
-/// A request to the board. It is valid until the next power-on or reset, which deletes it.
+/// A request to the board. A power-on or reset deletes it.
 #[derive(Clone, Copy, Debug)]
 pub struct Request {
     number: u32,
@@ -32,8 +32,8 @@ function_block! {
     /// Enables or disables an event (manual 5.00005.03a p. 47-49; 5.02066.01a p. 25 names it with event 11,
     /// decision D-314).
     ///
-    /// A call submits the inputs if they have changed since the last call, or if the board was reset. Until
-    /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
+    /// A call submits the inputs if they have changed since the last call, or if the board was reset. `x_ERR`
+    /// is FALSE until [`INTR_SET::is_answered`] is true (decision D-213).
     pub struct INTR_SET(ram: Ram) {
         in {
             /// Event number, 0 to 12.
@@ -61,7 +61,7 @@ impl INTR_SET {
         let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
         let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
         let Some(slot) = slot else {
-            // There is no free slot for the request.
+            // No slot is free for the request.
             (self.x_ERR, self.internal) = (true, None);
             return;
         };

@@ -110,7 +110,7 @@ pub(crate) fn traffic_kind_of(kind: &str) -> Option<TrafficKind> {
     BUS_KINDS.iter().find(|it| it.name == kind).map(|it| it.traffic_kind)
 }
 
-/// Every kind of bus, the default one first.
+/// Every kind of bus. The first one is the default.
 #[cfg(feature = "emulator")]
 pub static BUS_KINDS: &[BusKind] = &[
     BusKind {

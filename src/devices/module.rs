@@ -14,7 +14,7 @@ pub enum Led {
     On,
     /// Flashes this many times, then pauses.
     Flashes(u8),
-    /// The LED flashes alternately with another LED of the module in this state.
+    /// The LED flashes alternately with another LED of the module that also has this state.
     InTurn,
 }
 
@@ -38,13 +38,13 @@ pub struct ModuleFront {
     pub leds: Vec<(&'static str, Led)>,
 }
 
-/// Returns the front panel of the module in a port. The arguments are the role of the port, its DIP switches and its
-/// LEDs from the header page ([`PortEntry`](crate::memory::header::PortEntry)). The role is `None` for a module without
-/// registers in the device. The result is `None` if there is no module.
+/// Returns the front panel of the module in a port. The arguments are the role of the port, its DIP switches
+/// and its LEDs from the header page ([`PortEntry`](crate::memory::header::PortEntry)). The role is `None` if
+/// the module has no registers in the device. The result is `None` if the port has no module.
 pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 
-/// Returns the modules of a device by the names of their ports, in the order of the ports; `None` if it is not
-/// modular.
+/// Returns the modules of a device in the order of their ports, each with the name of its port. `None` if the
+/// device is not modular.
 pub fn modules(header: &Header, device: &'static Layout) -> Option<Vec<(&'static str, ModuleFront)>> {
     let read = of_hash(device.layout_hash)?.emulation.module?;
     let fitted = header.fitted(device);

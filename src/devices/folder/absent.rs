@@ -1,4 +1,5 @@
-//! Scripts of device folders in a library without feature `script`: a folder with a script is refused (D-800).
+//! Replaces the scripts of device folders in a library without the feature `script`: a folder with a script
+//! is refused (D-800).
 
 use super::FolderError;
 use super::own_records::OwnRecord;
@@ -7,7 +8,7 @@ use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
 use std::path::Path;
 
-/// Exercises are scenarios, which this library does not have either.
+/// Exercises are scenarios, which this library also does not have.
 ///
 /// # Errors
 /// Returns `None`, because exercises are not available.

@@ -1,4 +1,4 @@
-//! Access of tables and script to the registers and events of a device in a folder.
+//! Access to the registers and events of a device in a folder, for its tables and its script.
 
 use super::port::BusLink;
 #[cfg(feature = "script")]
@@ -67,7 +67,7 @@ struct Watched {
     last: u32,
 }
 
-/// A write of a program: the register, its old and its new value.
+/// A write of a program: the register, its old value and its new value.
 #[cfg(feature = "script")]
 pub(super) type Written = (RegisterRef, u32, u32);
 
@@ -75,18 +75,20 @@ pub(super) type Written = (RegisterRef, u32, u32);
 pub(super) struct Card {
     segment: Segment,
     face: Arc<FirmwareHeader>,
-    /// Registers in which changes by programs are reported, by offset. Empty if the script has no hook for changes.
+    /// Registers for which changes by programs are reported, by offset. Empty if the script has no hook for
+    /// changes.
     watched: Vec<Watched>,
     events: Events,
     /// True if the device has events.
     has_events: bool,
     /// Number of requests of clients that the device has handled.
     requests: u32,
-    /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
+    /// Pulses for the controller of an option card. The plant takes the pulses at the moment at which they
+    /// occur.
     pulses: CardPulses,
-    /// The CAN port, if the device has one.
+    /// The part that the CAN port shares with the firmware; `None` if the device has no CAN port.
     link: Option<BusLink>,
-    /// Declared kinds of which a fault acts, bit n for kind n.
+    /// Declared kinds of faults. Bit n is set if a fault of kind n acts.
     faults: u16,
 }
 
@@ -103,7 +105,8 @@ impl Card {
         Card { segment, face, watched, events, has_events, requests: 0, pulses, link, faults: 0 }
     }
 
-    /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes the changes back.
+    /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes them back
+    /// with their changes.
     #[cfg(feature = "script")]
     pub(super) fn lend(&mut self) -> Card {
         Card {
@@ -125,7 +128,7 @@ impl Card {
         page.front.get(cell.index)
     }
 
-    /// Returns the present value. The image has all registers of the layout.
+    /// Returns the present value. This cannot fail, because the image has all registers of the layout.
     pub(super) fn load(&self, place: Place) -> u32 {
         match place.front {
             Some(cell) => self.front_cell(cell).map_or(0, Cell32::load),
@@ -133,7 +136,8 @@ impl Card {
         }
     }
 
-    /// Replaces `from` by `to`. Returns false if the program has already written another value.
+    /// Replaces the value `from` by `to`. Returns false if the value is no longer `from`, because the program
+    /// has written another value.
     pub(super) fn exchange(&mut self, place: Place, from: u32, to: u32) -> bool {
         let is_done = match place.front {
             Some(cell) => self.front_cell(cell).is_some_and(|cell| cell.compare_exchange(from, to).is_ok()),
@@ -162,8 +166,8 @@ impl Card {
         (before, f(before))
     }
 
-    /// Copies `bytes` bytes of registers to other registers. The two blocks may overlap. Both must be registers of the
-    /// image.
+    /// Copies `bytes` bytes of registers to other registers. The two blocks may overlap. Both blocks must
+    /// consist of registers of the image.
     #[cfg(feature = "script")]
     pub(super) fn copy(&mut self, from: u32, to: u32, bytes: u32) {
         let mut copy = vec![0; bytes as usize];
@@ -172,7 +176,8 @@ impl Card {
         }
         let (mut at, mut rest) = (to, copy.as_slice());
         while !rest.is_empty() {
-            // The loop copies whole words if possible, because a byte takes as long as a word.
+            // The loop copies whole words if possible, because copying a byte takes as long as copying a
+            // word.
             let width = match rest.len() {
                 _ if at % 2 == 1 => Width::Byte,
                 1 => Width::Byte,
@@ -191,7 +196,7 @@ impl Card {
         written.for_each(|it| it.last = segment.load(it.place.offset, it.place.width).unwrap_or(it.last));
     }
 
-    /// Does the same as [`Card::update`], and writes a change to the journal.
+    /// Does the same as [`Card::update`], and records a change in the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
         let (from, to) = self.update(place, f);
         if from != to {
@@ -207,12 +212,12 @@ impl Card {
         same.take_while(|watched| watched.place.offset == place.offset).for_each(|it| it.last = value);
     }
 
-    /// From now on, compares the registers that programs write: the registers with these names, or all registers of the
-    /// layout.
+    /// Begins to compare registers that programs write, to detect changes. These are the registers with these
+    /// names, or all registers of the layout.
     pub(super) fn watch(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
         let fitted = DeviceFit::unknown(layout);
         let registers: Vec<RegisterRef> = match names {
-            // The script was checked, so each name is right.
+            // The script was checked, so each name is valid.
             Some(names) => names.iter().filter_map(|name| layout.registers(name).ok()).flatten().collect(),
             None => layout.areas.iter().flat_map(|area| fitted.used_registers(area)).collect(),
         };
@@ -243,14 +248,14 @@ impl Card {
         }
     }
 
-    /// Takes the present values of the watched registers as known, after power-on.
+    /// Called after power-on: takes the present values of the watched registers as their last known values.
     #[cfg(feature = "script")]
     pub(super) fn forget_changes(&mut self) {
         let _ = self.changes();
     }
 
-    /// Writes of programs since the last call, in the order of addresses. Only registers of structures that are valid
-    /// now are reported.
+    /// Returns the writes of programs since the last call, in the order of addresses. Only registers of
+    /// structures that are valid now are included.
     #[cfg(feature = "script")]
     pub(super) fn changes(&mut self) -> Vec<Written> {
         let mut changes = Vec::new();
@@ -271,7 +276,7 @@ impl Card {
         area.phase(status)
     }
 
-    /// Sets the declared kinds of which a fault acts, bit n for kind n.
+    /// Sets the declared kinds of faults: bit n is set if a fault of kind n acts.
     pub(super) fn set_faults(&mut self, mask: u16) {
         self.faults = mask;
     }
@@ -303,17 +308,17 @@ impl Card {
         });
     }
 
-    /// Returns the events, if the device has any.
+    /// Returns the events, if the device has events.
     pub(super) fn events(&mut self) -> Option<&mut Events> {
         self.has_events.then_some(&mut self.events)
     }
 
-    /// Interrupt level of an event; all are equal.
+    /// Returns the interrupt level of an event. All events have the same level.
     pub(super) fn event_level(&self, event: usize) -> Option<u8> {
         (self.has_events && event < EVENTS).then_some(0)
     }
 
-    /// Pulses for the controller, which the script adds to.
+    /// Returns the pulses for the controller, so that the script can add pulses.
     #[cfg(feature = "script")]
     pub(super) fn pulses(&mut self) -> &mut CardPulses {
         &mut self.pulses
@@ -329,7 +334,7 @@ impl Card {
         self.link.as_ref()
     }
 
-    /// Does the same as [`Card::link`], for a change.
+    /// Returns the same part as [`Card::link`], but mutable.
     pub(super) fn link_mut(&mut self) -> Option<&mut BusLink> {
         self.link.as_mut()
     }
@@ -357,7 +362,7 @@ impl Card {
         }
     }
 
-    /// Returns the error state of the port; `None` if it is at no bus.
+    /// Returns the error state of the port; `None` if the port is not connected to a bus.
     #[cfg(feature = "script")]
     pub(super) fn bus_state(&self) -> Option<ErrorState> {
         self.link.as_ref()?.state()
@@ -373,7 +378,7 @@ impl Card {
     }
 }
 
-/// The registers themselves are not saved here: they are in the plant's snapshot.
+/// The registers themselves are not saved here, because the plant's snapshot contains them.
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         // The port saves the link.

@@ -54,13 +54,13 @@ struct CardSection {
     trigger: u8,
 }
 
-/// Trigger of the option card IEI-02 (5.00005.03a p. 57).
+/// Returns the trigger of the option card IEI-02 (5.00005.03a p. 57).
 fn default_trigger() -> u8 {
     1
 }
 
 impl FolderConfig {
-    /// Reads the section of the device in `dir`, which was read as `folder`.
+    /// Reads the section of the device in `dir`. `folder` is what was read from this folder.
     pub(crate) fn read(
         folder: &'static Folder,
         dir: PathBuf,
@@ -72,13 +72,14 @@ impl FolderConfig {
 }
 
 impl FolderConfig {
-    /// The port that `device.toml` declares; its medium is CAN.
+    /// Returns the port that `device.toml` declares. Its medium is CAN.
     fn port(&self) -> Option<&'static Port> {
         self.layout().ports.first()
     }
 }
 
-/// Settings by which plants are compared with a snapshot: the files of the device, but not the path of the folder.
+/// The debug output identifies the settings when a plant is compared with a snapshot. It contains the files
+/// of the device, but not the path of the folder.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, folder, dir: _, card, bus } = self;

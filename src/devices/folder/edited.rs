@@ -1,7 +1,7 @@
-//! Checks of a folder while its files are edited: nothing is registered.
+//! Checks of a folder while its files are edited. These checks register no device.
 //!
-//! The tables of a layout are never freed, so handshakes and scripts are checked with the saved layout, not with each
-//! typed state of it (D-843).
+//! The tables of a layout are never freed. So handshakes and scripts are checked with the layout as it was
+//! last saved, not with each state while the layout is typed (D-843).
 
 use super::script::Script;
 use super::{
@@ -11,16 +11,18 @@ use crate::layout::DeviceLayout;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of folder states that a process reads if it runs for long: beside an editor, or as a server of all
-/// instances. A table of registers has some 10 KB.
+/// Maximum number of folder states that a process with a long run time reads: a process beside an editor, or
+/// a server of all instances. A table of registers has some 10 KB.
 const MOST_FOR_LONG: usize = 4096;
 
-/// Allows this process to read more folders than other processes: each saved state of a folder counts.
+/// Allows this process to read more folders than other processes. Such a process reads a folder again after
+/// each change, and each state counts.
 pub(crate) fn allow_many_folders() {
     loaded().most = MOST_FOR_LONG;
 }
 
-/// Checks the layout in `dir` with texts that replace the contents of files, by their paths.
+/// Checks the layout in `dir`. `edits` has texts that replace the contents of files; the keys are the paths
+/// of the files.
 ///
 /// # Errors
 /// [`FolderError`] with the place.
@@ -50,7 +52,7 @@ pub(crate) fn check_script(dir: &Path, name: &str, text: &str) -> Result<(), Fol
             let layout = layout(dir)?;
             let path = dir.join(handshakes::FILE);
             let tables = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
-            // Mistakes in the tables are reported for the file of the tables, and not here.
+            // Mistakes in the tables are reported when the file of the tables is checked, not here.
             let tables = tables.and_then(|text| handshakes::read(&path, &text, layout).ok());
             let records = tables.unwrap_or_default().records;
             script.with(name, text).check(dir, layout, &records).map(drop)

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Reason for which a folder is not a device.
+/// Reason why a folder is not a device.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// A file of the layout is wrong; the message begins with file, line and column.
@@ -42,13 +42,13 @@ pub enum FolderError {
         /// Error of the operating system.
         reason: std::io::Error,
     },
-    /// The path has control characters, or is not text.
+    /// The path contains control characters, or is not UTF-8.
     #[error("{}: the path of a device's folder is text in UTF-8 without control characters", dir.display())]
     BadPath {
         /// Path of the folder, which is not UTF-8 or has control characters.
         dir: PathBuf,
     },
-    /// A file has nearly the name of a file that devices read, and the folder does not have that file.
+    /// The folder lacks a file that devices read, and contains a file with a similar name.
     #[error("{}: no device reads a file of this name{hint}", path.display())]
     Misnamed {
         /// Path of the file with the unknown name.
@@ -68,7 +68,7 @@ pub enum FolderError {
         /// Largest number of these items in a device.
         most: u64,
     },
-    /// A name is too long for the header page.
+    /// A name is too long for its field in the header page.
     #[error("{}: the name '{name}' of {what} has {} bytes; it has at most {most}", dir.display(), name.len())]
     LongName {
         /// Path of the device's folder.
@@ -80,7 +80,7 @@ pub enum FolderError {
         /// Largest length of such a name, in bytes.
         most: usize,
     },
-    /// The name or the hash belongs to a device of the program.
+    /// A device of the program already has the name or the layout hash.
     #[error("{}: '{name}' has {what} of the device '{other}'; give it another name", dir.display())]
     Taken {
         /// Path of the device's folder.
@@ -92,7 +92,7 @@ pub enum FolderError {
         /// Name of the device that already has this name or this layout hash.
         other: &'static str,
     },
-    /// This process has already read as many folders as it can.
+    /// This process has already read the maximum number of folders.
     #[error("{}: this process has read {most} folders of devices; start another one", dir.display())]
     TooManyFolders {
         /// Path of the folder that exceeds the limit.

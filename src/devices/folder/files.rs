@@ -1,11 +1,11 @@
-//! Finds files of a folder that the device does not read: their names are probably wrong.
+//! Finds files in a folder that the device does not read. Their names are probably wrong.
 
 use super::{FolderError, SCRIPT, handshakes};
 use crate::layout::did_you_mean;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// File of a folder with the exercise of the device, which is no part of its firmware.
+/// File in a folder with the exercise of the device. It is not a part of the firmware.
 pub(super) const EXERCISE: &str = "exercise.rhai";
 /// Files with fixed names.
 pub(super) const FIXED: [&str; 4] = ["device.toml", handshakes::FILE, SCRIPT, EXERCISE];
@@ -14,8 +14,8 @@ const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
 /// Maximum number of entries of a folder that are compared.
 const MOST_ENTRIES: usize = 4096;
 
-/// Returns names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files in the
-/// folder.
+/// Returns the names of the TOML files and scripts directly in the folder. Hidden files are left out, because
+/// editors and tools may create such files.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -30,13 +30,14 @@ fn names(dir: &Path) -> Result<BTreeSet<String>, FolderError> {
     Ok(names.filter(is_named).collect())
 }
 
-/// Refuses a folder in which a file with a fixed name is missing, and another file has a similar name.
+/// Refuses a folder if a file with a fixed name is missing and another file has a similar name.
 ///
 /// # Errors
 /// [`FolderError::Misnamed`]
 pub(super) fn check(dir: &Path, inputs: &BTreeSet<String>) -> Result<(), FolderError> {
     let names = names(dir)?;
-    // Without `device.toml` there is no device, and without `firmware.rhai` no other script is read.
+    // `device.toml` is not checked here, because without it there is no device. Other scripts are read only
+    // if `firmware.rhai` exists.
     let missing: Vec<_> =
         [handshakes::FILE, SCRIPT].into_iter().filter(|name| !names.contains(*name)).collect();
     let is_read = |name: &str| inputs.contains(name) || FIXED.contains(&name);
@@ -49,7 +50,7 @@ pub(super) fn check(dir: &Path, inputs: &BTreeSet<String>) -> Result<(), FolderE
     Ok(())
 }
 
-/// Returns files that the device does not read, beside the files `inputs`.
+/// Returns files that the device does not read. It reads the files with fixed names, and `inputs`.
 ///
 /// # Errors
 /// The folder cannot be read.

@@ -11,7 +11,8 @@ use crate::fault::{FaultKind, Faults, Owner};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
 
-/// Firmware of a device in a folder: its parts act on the same registers, one after the other.
+/// Firmware of a device in a folder. It consists of parts, which run one after the other on the same
+/// registers.
 pub(super) struct FolderFirmware {
     parts: Vec<Box<dyn Part>>,
     card: Card,
@@ -26,7 +27,8 @@ impl FolderFirmware {
         FolderFirmware { parts, card, faults, source }
     }
 
-    /// Switches the port on or off with the device. At power-off the script can send nothing.
+    /// Switches the port on or off together with the device. At power-off the script can no longer send
+    /// frames.
     fn switch_port(&self, is_on: bool) {
         if let Some(link) = self.card.link() {
             link.switch(is_on);
@@ -73,7 +75,7 @@ impl Firmware for FolderFirmware {
         self.faults.next_time() == u64::MAX && self.parts.iter().all(|part| part.is_quiescent())
     }
 
-    /// The next cycle is needed, because a part may have changed a register that another part reads.
+    /// A part may have changed a register that another part reads. In this case the next cycle is needed.
     fn needs_each_cycle(&self) -> bool {
         !self.is_quiescent()
     }
@@ -117,7 +119,7 @@ impl Firmware for FolderFirmware {
         self.card.link_mut().map(|link| link as &mut dyn DevicePorts)
     }
 
-    /// No event occurs while the program is stopped (D-300).
+    /// Carries out an order of the board. No event occurs while the program is stopped (D-300).
     fn ordered(&mut self, ctx: &mut Context, order: Start) {
         if let Some(events) = self.card.events() {
             events.held = order == Start::Stop;
@@ -140,7 +142,8 @@ impl OptionCard for FolderFirmware {
     }
 }
 
-/// A changed script continues with the state and the waiting functions of the previous one (D-807).
+/// A changed script continues with the state and the waiting functions of the script before the change
+/// (D-807).
 impl FileChanges for FolderFirmware {
     fn take_over(&mut self, ctx: &mut Context) -> Option<u64> {
         let read = self.source.read_again();

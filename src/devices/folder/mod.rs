@@ -1,8 +1,9 @@
-//! Devices without Rust: a folder with the files of a layout, read while the program runs.
+//! Devices without Rust code. A device is a folder with the files of a layout, which the program reads while
+//! it runs.
 //!
-//! A plant names the folder as `kind = "./cards/counter"`. From then on, the device is registered like the devices of
-//! commram: its registers have names, owners, meanings and a layout hash. The author of a folder may be unknown, so its
-//! files are limited in size and must lie in the folder itself.
+//! A plant names the folder as `kind = "./cards/counter"`. From then on, the device is registered like the
+//! devices of commram: its registers have names, owners, meanings and a layout hash. The author of a folder
+//! may be unknown. So its files are limited in size and must be in the folder itself.
 
 mod card;
 mod config;
@@ -63,7 +64,8 @@ use twox_hash::XxHash3_64;
 pub const MOST_REGISTERS: usize = 65_536;
 /// Largest image of such a device in bytes.
 pub const LARGEST_IMAGE: u64 = 16 << 20;
-/// Maximum number of different folders that a process reads, each edited script counted: their tables are never freed.
+/// Maximum number of different folders that a process reads. Each state of an edited script counts. There is
+/// a limit because the tables of folders are never freed.
 pub const MOST_FOLDERS: usize = 128;
 
 /// File with the script of a device.
@@ -81,25 +83,26 @@ pub struct Folder {
     /// Kinds of faults that the device defines, as in its file.
     #[cfg(feature = "cli")]
     pub(crate) faults: Vec<OwnFault>,
-    /// The same kinds for the list of faults.
+    /// The declared kinds of faults in the form of the list of all faults.
     fault_kinds: &'static [&'static FaultKind],
     script: Option<Script>,
-    /// Number that differs between folders with different files.
+    /// Hash of the files. Folders with different files have different numbers.
     fingerprint: u64,
-    /// Number that differs between folders with different handshakes.
+    /// Hash of the handshakes. Folders with different handshakes have different numbers.
     tables: u64,
-    /// Names of the files that the device has read, except files with fixed names.
+    /// Names of the files that the device has read. Files with fixed names are left out.
     inputs: BTreeSet<String>,
 }
 
 impl Folder {
-    /// Returns names of the hooks of the device's script; empty if it has no script.
+    /// Returns the names of the hooks in the device's script; empty if the device has no script.
     #[must_use]
     pub fn hooks(&self) -> Vec<String> {
         self.script.as_ref().map(Script::hooks).unwrap_or_default()
     }
 
-    /// TOML files and scripts in `dir`, its folder, that the device does not read.
+    /// Returns the TOML files and scripts in `dir` that the device does not read. `dir` is the folder of the
+    /// device.
     ///
     /// # Errors
     /// The folder cannot be read.
@@ -114,12 +117,12 @@ impl Folder {
     }
 }
 
-/// Folders that this process has read, in the order of time. They are never freed.
+/// Folders that this process has read, in the order of reading. They are never freed.
 struct Loaded {
     /// The tables of layouts, by the fingerprints of their files.
     tables: Vec<(u64, &'static DeviceLayout)>,
     folders: Vec<&'static Folder>,
-    /// Devices of running instances, of which only the registers were read.
+    /// Devices of running instances. Only their registers were read.
     registers: Vec<&'static Registered>,
     /// Kinds of faults that folders declare.
     faults: Declarations,
@@ -128,7 +131,7 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// Returns the tables of a layout, with the fingerprint of its files.
+    /// Returns the tables of a layout. `fingerprint` is that of its files.
     fn table(&mut self, fingerprint: u64, read: &Layout) -> &'static DeviceLayout {
         if let Some((_, layout)) = self.tables.iter().find(|(known, _)| *known == fingerprint) {
             return layout;
@@ -138,8 +141,8 @@ impl Loaded {
         layout
     }
 
-    /// Reads the faults that the folder declares, for a client of a running device. If the file is wrong, the client does
-    /// not know these faults.
+    /// Reads the faults that the folder declares, for a client of a running device. If the file is wrong,
+    /// these faults remain unknown to the client.
     fn read_faults(&mut self, dir: &Path, layout: &'static DeviceLayout) {
         let path = dir.join(handshakes::FILE);
         let text = commram_layoutc::read_file_of_folder(dir, handshakes::FILE).ok().flatten();
@@ -185,10 +188,12 @@ pub fn is_path(kind: &str) -> bool {
     kind.contains('/')
 }
 
-/// Reads the device in the folder `dir` and registers it. A folder with the same files is registered once.
+/// Reads the device in the folder `dir` and registers it. If several folders have equal files, the device is
+/// registered once.
 ///
 /// # Errors
-/// [`FolderError`]: a file is wrong (the error has the line), the device exceeds a limit, or its name is in use.
+/// [`FolderError`]: a file is wrong (the error names the line), the device exceeds a limit, or its name is
+/// already used.
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let mut read = commram_layoutc::read_folder(dir)?;
     let mut inputs: BTreeSet<String> = read.inputs.iter().filter_map(|(path, _)| file_name(path)).collect();
@@ -202,7 +207,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if script.is_some() {
         state_word::add(dir, &mut read.device)?;
     }
-    // A script adds a word to the front panel, which changes the layout.
+    // If there is a script, the front panel has one more word, so the layout is different.
     let of_layout = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
     let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
     let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));
@@ -245,7 +250,8 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     Ok(folder)
 }
 
-/// Checks that each declared fault has an effect, and that a hook for faults has faults.
+/// Checks that each declared fault has an effect, and that a script with a hook for faults has declared
+/// faults.
 fn check_fault_hook(
     dir: &Path,
     script: Option<&Script>,
@@ -275,8 +281,8 @@ fn file_name(path: &Path) -> Option<String> {
     Some(path.file_name()?.to_str()?.to_owned())
 }
 
-/// Returns the text of a plant file with only the device in the folder `dir`. If the device has a port, the plant also has a CAN
-/// bus `can` at 125 kbit/s for it (D-813).
+/// Returns the text of a plant file with the device in the folder `dir` as its only device. If the device has
+/// a port, the plant also has a CAN bus `can` at 125 kbit/s for the port (D-813).
 #[must_use]
 pub fn plant_alone(dir: &Path, layout: &DeviceLayout) -> String {
     let (name, kind) = (toml::Value::from(layout.name), toml::Value::from(dir.display().to_string()));
@@ -289,7 +295,7 @@ pub fn plant_alone(dir: &Path, layout: &DeviceLayout) -> String {
     }
 }
 
-/// Checks that the device has a name and a layout hash of its own.
+/// Checks that no other device has the device's name or layout hash.
 fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     let taken = |what, other: &Registered| {
         let (dir, name) = (dir.to_owned(), read.device.name.clone());
@@ -304,8 +310,8 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     }
 }
 
-/// Returns the device of a folder with this layout hash: the last one read, if several folders differ only in facts
-/// other than addresses.
+/// Returns the device of a folder with this layout hash. Folders may have equal addresses and differ only in
+/// other facts; then the last one that was read is returned.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = loaded();
     let folders = loaded.folders.iter().rev().map(|folder| &folder.registered);
@@ -313,8 +319,8 @@ pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
-/// Reads the registers of the device in the folder `dir`, and the faults that it declares. A client of a running device
-/// needs nothing else, so its handshakes and its script may be wrong.
+/// Reads the registers of the device in the folder `dir`, and the faults that the folder declares. A client
+/// of a running device needs only these. So it does not matter if the handshakes or the script are wrong.
 ///
 /// # Errors
 /// Like [`load`], for the files with registers.
@@ -345,15 +351,17 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
     Ok(registered)
 }
 
-/// Reads the registers in the folders of a running instance's devices, so that they have names in this process, too. A
-/// folder that cannot be read is omitted; an image of its device is then refused for its unknown layout hash.
+/// Reads the registers in the device folders of a running instance, so that this process also knows the names
+/// of these registers. A folder that cannot be read is left out. An image of its device is then refused,
+/// because its layout hash is unknown.
 pub(super) fn load_of_instance(instance: &str) {
     for dir in InstanceLock::device_folders(instance) {
         let _ = load_registers(&dir);
     }
 }
 
-/// Returns the reason why no folder of an instance has the registers of an image, with a text for each folder.
+/// Returns the reason why no folder of an instance has the registers of an image. The result has a text for
+/// each folder.
 pub(super) fn differences(instance: &str) -> String {
     let difference = |dir: PathBuf| match load_registers(&dir) {
         Err(reason) => reason.to_string(),
@@ -365,10 +373,10 @@ pub(super) fn differences(instance: &str) -> String {
     InstanceLock::device_folders(instance).into_iter().map(difference).collect::<Vec<_>>().join("; ")
 }
 
-/// Finds the folder at `path`, which is relative to `base`. Returns an absolute path without links.
+/// Finds the folder at `path`, which is relative to `base`. Returns an absolute path without symbolic links.
 ///
 /// # Errors
-/// There is no such folder, or its path is not text in one line.
+/// There is no such folder, or its path is not a text of one line.
 pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     let path = base.join(path);
     let found = path.canonicalize().map_err(|reason| FolderError::Missing { dir: path.clone(), reason })?;
@@ -378,7 +386,7 @@ pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     }
 }
 
-/// Returns the number over the names and texts of the layout's files, and of other files.
+/// Returns the hash of the names and texts of the layout's files, and of other files.
 fn fingerprint<'a>(dir: &Path, read: &'a Layout, others: impl Iterator<Item = (&'a str, &'a str)>) -> u64 {
     let mut all = Vec::new();
     let inputs = read.inputs.iter().map(|(path, text)| {
@@ -394,7 +402,7 @@ fn fingerprint<'a>(dir: &Path, read: &'a Layout, others: impl Iterator<Item = (&
     XxHash3_64::oneshot(&all)
 }
 
-/// Checks the limits for a device of a folder, in addition to those of every layout.
+/// Checks the limits that apply to a device of a folder in addition to the limits of every layout.
 fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     let device = &read.device;
     let too_much = |what, count, most| Err(FolderError::TooMuch { dir: dir.to_owned(), what, count, most });
@@ -423,7 +431,8 @@ fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     device.areas.iter().try_for_each(|area| longest("an area", &area.name, TABLE_NAME_LENGTH))
 }
 
-/// Counts the registers of all structures. The registers of a sub-structure count once for each register of this type.
+/// Counts the registers of all structures. The registers of a sub-structure count once for each field with
+/// this sub-structure as its type.
 fn registers_of(device: &Device) -> usize {
     let fields = device.structures.iter().flat_map(|structure| &structure.fields);
     let counts = fields.map(|field| match field.kind {

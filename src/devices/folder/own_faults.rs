@@ -29,7 +29,7 @@ pub(crate) struct OwnFault {
     pub(super) line: usize,
 }
 
-/// A field of a kind, which is a number.
+/// A field of a kind of fault. Its value is a number.
 #[derive(Clone, Debug)]
 pub(crate) struct OwnField {
     pub(crate) name: String,
@@ -39,7 +39,7 @@ pub(crate) struct OwnField {
     pub(crate) from: u32,
     /// Largest value.
     pub(crate) to: u32,
-    /// Value if a fault does not have the field; `None` if the field is required.
+    /// Value of the field if a fault does not set it; `None` if each fault must set it.
     pub(crate) default: Option<u32>,
 }
 
@@ -83,7 +83,7 @@ impl OwnFault {
         }
     }
 
-    /// Returns the kind for the list of faults. It is never freed.
+    /// Returns the kind in the form of the list of faults. It is never freed.
     fn kind(&self, index: u8, device: &'static str) -> &'static FaultKind {
         let id = self.id(index, device);
         let fields = self.fields.iter().map(OwnField::field).collect::<Vec<_>>().leak();
@@ -135,7 +135,8 @@ fn leaked(text: &str) -> &'static str {
     Box::leak(text.to_owned().into_boxed_str())
 }
 
-/// The declarations that this process has read, each once, with their hashes. They are never freed.
+/// The declarations that this process has read, with their hashes. Equal declarations are stored once. They
+/// are never freed.
 pub(super) struct Declarations(Vec<(u64, &'static [&'static FaultKind])>);
 
 impl Declarations {
@@ -147,7 +148,7 @@ impl Declarations {
         self.0.len()
     }
 
-    /// Returns the kinds of a device with this name, which declares these faults.
+    /// Returns the kinds of faults of a device with this name and these declarations.
     pub(super) fn kinds(&mut self, device: &str, faults: &[OwnFault]) -> &'static [&'static FaultKind] {
         if faults.is_empty() {
             return &[];
@@ -197,8 +198,8 @@ pub(super) struct FaultChange {
     pub(super) is_on: bool,
 }
 
-/// The declared faults of a running device. The parts of the firmware are notified of a change when the device next
-/// acts, at the same emulated time.
+/// The declared faults of a running device. When they change, the parts of the firmware are notified at the
+/// next action of the device, at the same emulated time.
 pub(super) struct OwnFaults {
     kinds: &'static [&'static FaultKind],
     /// The faults of which the firmware was notified.
@@ -239,12 +240,12 @@ impl OwnFaults {
         self.notified.clear();
     }
 
-    /// Time at which the firmware must be notified; `u64::MAX` if nothing has changed.
+    /// Returns the time at which the firmware must be notified; `u64::MAX` if nothing has changed.
     pub(super) fn next_time(&self) -> u64 {
         if self.notified == self.active { u64::MAX } else { self.changed }
     }
 
-    /// Returns the changes since the last call, ends before begins.
+    /// Returns the changes since the last call. Faults that end come before faults that begin.
     pub(super) fn take_changes(&mut self) -> Vec<FaultChange> {
         if self.notified == self.active {
             return Vec::new();
@@ -261,7 +262,7 @@ impl OwnFaults {
         changes.collect()
     }
 
-    /// Returns the kinds of which a fault acts: bit n for the declaration n of the folder.
+    /// Returns the kinds of which at least one fault acts: bit n is declaration n of the folder.
     pub(super) fn mask(&self) -> u16 {
         let is_acting = |kind: &&FaultKind| self.notified.iter().any(|fault| fault.number == kind.number());
         (0..).zip(self.kinds).filter(|(_, kind)| is_acting(kind)).fold(0, |mask, (bit, _)| mask | 1 << bit)
@@ -345,7 +346,7 @@ mod tests {
         faults.clear(9, first, &mut journal).unwrap();
         own.changed(9, &faults, owner);
         assert_eq!(report_of(&mut own), [("stuck", Some(3), Some(2), false)]);
-        // After power-on, the firmware is notified of the faults that still act.
+        // After power-on, the firmware is notified of all faults that act.
         own.restart();
         assert_eq!(report_of(&mut own), [("lost", Some(4), Some(2), true)]);
         assert_eq!(own.mask(), 0b10);

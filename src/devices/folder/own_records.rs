@@ -1,4 +1,5 @@
-//! Kinds of journal records that a device in a folder declares itself: `[[record]]` in its `handshakes.toml` (D-809).
+//! Kinds of journal records that a device in a folder declares: `[[record]]` in its `handshakes.toml`
+//! (D-809).
 
 use crate::layout::did_you_mean;
 use core::fmt::Write;
@@ -65,8 +66,8 @@ impl OwnRecord {
         })
     }
 
-    /// Returns a record as the journal keeps it: `limit count=5 mode=1: the counter has reached its limit`. `value`
-    /// gives the value of a field.
+    /// Returns a record in the form of the journal: `limit count=5 mode=1: the counter has reached its
+    /// limit`. `value` returns the value of a field.
     ///
     /// # Errors
     /// The error of `value`.

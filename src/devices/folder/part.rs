@@ -20,7 +20,8 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Runs a processor cycle.
     fn look(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// True if the last poll changed nothing, and the next polls will change nothing until a register is written.
+    /// True if the last poll changed nothing, and further polls will change nothing until a register is
+    /// written.
     fn is_quiescent(&self) -> bool;
 
     /// Returns the time of the next action; `u64::MAX` if there is none.
@@ -29,7 +30,7 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Carries out the actions that are due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// A trigger pulse of the controller of an option card.
+    /// Called at a trigger pulse from the controller of an option card.
     fn trigger(&mut self, ctx: &mut Context, card: &mut Card) {
         let _ = (ctx, card);
     }

@@ -1,8 +1,8 @@
 //! The CAN port of a device in a folder.
 //!
-//! The script of the device decides about frames, but the bus runs the controller. Both share a [`BusLink`]: the port
-//! puts arrived frames into it, and takes the frames to send out of it. The plant calls the device at the moment of an
-//! arrival, and the port at the moment at which the script has sent a frame.
+//! The script of the device decides about frames, but the bus runs the controller. Port and script share a
+//! [`BusLink`]: the port puts arrived frames into it, and takes from it the frames to send. The plant calls
+//! the device when a frame arrives, and the port when the script has sent a frame.
 
 use crate::can::{ErrorState, Filter, Frame};
 use crate::devices::can_bus::{CanPort, Controller};
@@ -13,13 +13,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most arrivals that wait for the script. All arrivals of a moment are handled at this moment, so there are fewer.
+/// Maximum number of arrivals that wait for the script. The script handles all arrivals of a moment at this
+/// moment, so the number is never reached.
 const MOST_ARRIVALS: usize = 64;
 
-/// An event at the port, for the script.
+/// An event at the port that the script must handle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Arrival {
-    /// A frame has arrived that passes the filters.
+    /// A frame that passes the filters has arrived.
     Frame(Frame),
     /// The error state of the controller has changed.
     State(ErrorState),
@@ -27,7 +28,7 @@ pub(super) enum Arrival {
     Overrun,
 }
 
-/// Reason for which a frame is not sent.
+/// Reason why a frame is not sent.
 #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts send frames"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Unsendable {
@@ -47,9 +48,9 @@ struct Exchange {
     is_on: bool,
     /// Events with their times, in microseconds.
     arrivals: VecDeque<(u64, Arrival)>,
-    /// Frames that the controller does not have yet.
+    /// Frames that were not given to the controller yet.
     to_send: VecDeque<Frame>,
-    /// Filters that the controller does not have yet.
+    /// Filters that were not given to the controller yet.
     filters: Option<Vec<Filter>>,
     /// Frames in the transmit queue of the controller.
     queued: usize,
@@ -65,7 +66,8 @@ impl BusLink {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Switches the link on or off, with the device. Nothing that is under way survives.
+    /// Switches the link on or off together with the device. Frames and events that wait in the link are
+    /// lost.
     pub(super) fn switch(&self, is_on: bool) {
         let mut exchange = self.lock();
         *exchange = Exchange { has_bus: exchange.has_bus, is_on, ..Exchange::default() };
@@ -102,7 +104,7 @@ impl BusLink {
         Ok(())
     }
 
-    /// Replaces the filters of the controller. Without filters it accepts all frames.
+    /// Replaces the filters of the controller. With an empty list, the controller accepts all frames.
     #[cfg(feature = "script")]
     pub(super) fn accept(&self, filters: Vec<Filter>) {
         let mut exchange = self.lock();
@@ -111,7 +113,7 @@ impl BusLink {
         }
     }
 
-    /// Returns the error state of the controller; `None` if the port is at no bus.
+    /// Returns the error state of the controller; `None` if the port is not connected to a bus.
     #[cfg(feature = "script")]
     pub(super) fn state(&self) -> Option<ErrorState> {
         let exchange = self.lock();
@@ -124,12 +126,12 @@ impl DevicePorts for BusLink {
         self.lock().has_bus = bit_s != 0;
     }
 
-    /// The port has no switches for a number.
+    /// The port has no switches for a number, so the number is 0.
     fn address(&self, _: PortNumber) -> u8 {
         0
     }
 
-    /// Stations of a CAN bus have no numbers that could be taken.
+    /// Has no effect, because the stations of a CAN bus have no numbers.
     fn address_taken(&mut self, _: &mut Context, _: PortNumber) {}
 
     fn port_joined(&mut self, _: PortNumber, _: bool) {}
@@ -147,7 +149,7 @@ impl DevicePorts for BusLink {
 /// The port at its bus.
 pub(super) struct FolderPort {
     link: BusLink,
-    /// True if the device has a script, which handles the events.
+    /// True if the device has a script. Only a script handles the events.
     has_script: bool,
 }
 
@@ -156,7 +158,7 @@ impl FolderPort {
         FolderPort { link, has_script }
     }
 
-    /// Gives the orders of the script to the controller.
+    /// Passes the frames and filters that the script has set to the controller.
     fn pass(&self, controller: &mut Controller) {
         let mut exchange = self.link.lock();
         if let Some(filters) = exchange.filters.take() {
@@ -219,7 +221,7 @@ impl CanPort for FolderPort {
         self.link.lock().queued = controller.to_send();
     }
 
-    /// The controller returns from BUS-off by itself, and then sends the frames of its queue.
+    /// The controller returns from BUS-off automatically, and then sends the frames of its queue.
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         self.link.lock().state = state;
         self.arrived(ctx, Arrival::State(state));

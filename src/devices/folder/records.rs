@@ -1,4 +1,4 @@
-//! Journal records of devices in folders: texts of their scripts. The text is in the octets of the record.
+//! Journal records of devices in folders. They contain texts of scripts, in the octets of the record.
 
 use super::own_records;
 use super::port::Unsendable;
@@ -69,7 +69,7 @@ impl Reload {
 }
 
 impl DeviceRecord {
-    /// Writes a line that `OwnRecord::line` has formatted, at most 255 bytes of it.
+    /// Writes a line that `OwnRecord::line` has formatted. The line is cut after at most 255 bytes.
     #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts write records"))]
     pub(super) fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, line: &str) {
         let line = &line[..line.floor_char_boundary(255)];
@@ -116,7 +116,7 @@ impl EventText for DeviceRecord {
     }
 }
 
-/// Returns the beginning of a text up to its limit, and its sum.
+/// Returns the beginning of a text up to the length limit, and the check sum of this part.
 fn shortened(text: &str) -> (&str, u64) {
     let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
     (text, XxHash3_64::oneshot(text.as_bytes()))

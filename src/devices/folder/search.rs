@@ -1,10 +1,11 @@
-//! Search path of devices in folders that a plant or a command names without a path (D-808).
+//! Search path of devices in folders. It is used if a plant or a command names a device without a path
+//! (D-808).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Maximum number of entries of each directory that are examined for the names in a message.
+/// Maximum number of entries that are examined in each directory, to find the names for a message.
 const MOST_EXAMINED: usize = 4096;
 /// Maximum number of names in a message.
 const MOST_LISTED: usize = 64;
@@ -17,8 +18,8 @@ pub fn search_first(directories: Vec<PathBuf>) {
     let _ = CONFIGURED.set(directories);
 }
 
-/// Returns the directories in their order: those of [`search_first`], `commram/devices` in the user's data directory,
-/// and `share/commram/devices` of the installation.
+/// Returns the directories in the order of the search: those of [`search_first`], `commram/devices` in the
+/// user's data directory, and `share/commram/devices` of the installation.
 #[must_use]
 pub fn search_path() -> Vec<PathBuf> {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/share"));
@@ -30,7 +31,7 @@ pub fn search_path() -> Vec<PathBuf> {
     CONFIGURED.get().cloned().unwrap_or_default().into_iter().chain(user).chain(installed).collect()
 }
 
-/// Returns the folder of this name in the search path, if there is one with a `device.toml`.
+/// Returns the folder of this name in the search path. The folder must contain `device.toml`.
 #[must_use]
 pub fn search(name: &str) -> Option<PathBuf> {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '-' | '_');

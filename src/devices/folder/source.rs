@@ -1,4 +1,5 @@
-//! The files of a running device in a folder: whether they have changed since they were read.
+//! The files of a running device in a folder. This module finds out whether the files have changed since they
+//! were read.
 
 use super::config::FolderConfig;
 use super::{Folder, files, load};
@@ -6,7 +7,7 @@ use crate::devices::settings_number;
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
-/// State of a file as the system reports it: times of changes, length and number.
+/// State of a file as the operating system reports it: times of changes, length and inode number.
 type FileState = Option<(i64, i64, i64, i64, u64, u64)>;
 
 /// The folder that a device was read from.
@@ -21,7 +22,7 @@ impl Source {
         Source { config, stamp }
     }
 
-    /// Reads the folder again if a file has changed. `None` if the device has the same files as before.
+    /// Reads the folder again if a file has changed. Returns `None` if the files of the device are unchanged.
     ///
     /// # Errors
     /// The device cannot take over the files; the error is a line of text.
@@ -51,7 +52,8 @@ impl Source {
     }
 }
 
-/// Returns the state of the folder, which changes with new names, and of each file that the device has read.
+/// Returns the state of the folder and of each file that the device has read. The state of the folder changes
+/// when a file is added or removed.
 fn stamp(config: &FolderConfig) -> Vec<FileState> {
     let FolderConfig { dir, folder, .. } = config;
     let state = |path: PathBuf| {

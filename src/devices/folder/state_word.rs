@@ -1,4 +1,4 @@
-//! The word in the front panel of a device with a script that shows whether the script runs (D-801).
+//! A word in the front panel of a device with a script. It shows whether the script runs (D-801).
 
 use super::FolderError;
 use crate::layout::{Owner as RegisterOwner, RegisterRef};
@@ -13,10 +13,10 @@ pub(super) const NAME: &str = "front.script";
 /// Number of bytes of the front panel in the header page.
 const FRONT_BYTES: u32 = 256;
 
-/// Checks that the files of a folder may change a register.
+/// Checks that the device's own files may change a register.
 ///
 /// # Errors
-/// Only the program writes the register, or only the emulator does.
+/// Only the program, or only the emulator, writes the register.
 pub(super) fn may_change(register: &RegisterRef) -> Result<(), String> {
     if register.name() == NAME {
         return Err(format!("only the emulator writes `{NAME}`, which shows whether the script runs"));
@@ -33,7 +33,7 @@ fn decision() -> Provenance {
     Provenance::Inferred("D-801".to_owned())
 }
 
-/// Adds the word after the words of the device itself.
+/// Adds the word to the front panel, after the words that the device declares.
 ///
 /// # Errors
 /// The front panel has a word of this name, or is full.

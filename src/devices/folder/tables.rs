@@ -1,9 +1,9 @@
-//! The tables of a layout that is read while the program runs: the same static data that the build generates for the
-//! layouts of commram.
+//! The tables of a layout that is read while the program runs. They have the form of the static tables that
+//! the build generates for the layouts of commram.
 //!
-//! All code that names registers uses static tables, so these tables are never freed. Their size is limited: a folder
-//! has at most 2 MiB of text and [`MOST_REGISTERS`](super::MOST_REGISTERS), each text is stored once, and a process
-//! reads at most [`MOST_FOLDERS`](super::MOST_FOLDERS) different folders.
+//! All code that names registers uses static tables, so the tables of folders are never freed. Their size is
+//! limited: a folder has at most 2 MiB of text and [`MOST_REGISTERS`](super::MOST_REGISTERS), each text is
+//! stored once, and a process reads at most [`MOST_FOLDERS`](super::MOST_FOLDERS) different folders.
 
 use crate::identity::PortNumber;
 use crate::layout::{
@@ -83,7 +83,7 @@ fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
 
-/// Returns the source of a fact; `lasting` makes its text static.
+/// Returns the source of a fact. `lasting` converts the text of the source to a static text.
 pub(super) fn provenance(from: &model::Provenance, lasting: impl FnOnce(&str) -> &'static str) -> Provenance {
     match from {
         model::Provenance::Manual => Provenance::Manual,
@@ -99,10 +99,11 @@ struct Placed {
     structures: Vec<&'static Structure>,
 }
 
-/// Tables of a layout while they are made.
+/// Tables of a layout while they are created.
 #[derive(Default)]
 struct Tables {
-    /// Stores each text only once: the registers of shared sub-structures have the same texts.
+    /// Stores each text only once. This saves memory, because the registers of shared sub-structures have
+    /// equal texts.
     texts: HashMap<String, &'static str>,
     meanings: Vec<&'static Meaning>,
 }
@@ -226,7 +227,8 @@ impl Tables {
         }))
     }
 
-    /// `field` of the structure itself or, with `group`, of a sub-structure of that type.
+    /// Creates the register `field`. It is a field of the structure itself or, with `group`, of a
+    /// sub-structure of that type.
     fn register(
         &mut self,
         device: &model::Device,
@@ -400,7 +402,7 @@ mod tests {
         text
     }
 
-    /// The build and this module make the same tables from the same files.
+    /// This module makes the same tables as the build from the same files.
     #[test]
     fn the_tables_are_those_of_the_build() {
         let layouts = Path::new(env!("CARGO_MANIFEST_DIR")).join("layouts");

@@ -1,7 +1,7 @@
 //! Checks the texts of a folder, because exports contain them in comments and strings of other languages.
 //!
-//! The author of a folder may be unknown, and users compile or run exported files. A text must therefore not end the comment
-//! or string that contains it, in any of these languages (D-821).
+//! The author of a folder may be unknown, and users compile or run the exported files. A text must therefore
+//! not end the comment or string that contains it, in any of these languages (D-821).
 
 use super::FolderError;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(super) fn check(path: &Path, text: &str) -> Result<(), FolderError> {
     Err(FolderError::Table { path: path.to_owned(), line: line_of(text, &found), what: why })
 }
 
-/// Returns the first text of a value that is refused, and why.
+/// Returns the first text in a value that must be refused, and the reason.
 fn refused_in(value: &Value) -> Option<(String, String)> {
     match value {
         Value::String(text) => refused(text),
@@ -52,7 +52,8 @@ fn refused(text: &str) -> Option<(String, String)> {
     Some((text.to_owned(), why))
 }
 
-/// Returns the number of the line with the longest part of a text that is written without escapes, from 1.
+/// Returns the number, from 1, of the line that contains the longest part of the text. Only parts without
+/// escape sequences are searched, because the file contains them unchanged.
 fn line_of(file: &str, text: &str) -> usize {
     let parts = text.split(|sign: char| sign.is_control() || matches!(sign, '"' | '\\'));
     let longest = parts.max_by_key(|part| part.len()).unwrap_or_default();

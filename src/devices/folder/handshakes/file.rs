@@ -1,4 +1,4 @@
-//! `handshakes.toml` as written, without checks of its values.
+//! The content of `handshakes.toml`. Its values are not checked here.
 
 use crate::time;
 use commram_layoutc::model::Provenance;
@@ -27,7 +27,7 @@ pub(super) struct File {
     pub(super) fault: Vec<Spanned<Fault>>,
 }
 
-/// A ready flag: changes of registers some time after power-on.
+/// A ready flag: registers that change at a given time after power-on.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ready {
@@ -58,7 +58,8 @@ pub(super) struct Answer {
     pub(super) source: Provenance,
 }
 
-/// Bits that follow the same bits of another register.
+/// Bits of the register `acknowledge` that the device makes equal to the bits of `register` at the same
+/// positions, after a time.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Toggle {

@@ -28,7 +28,7 @@ struct Step {
     phase: Phase,
     /// Last value that the program wrote into the register of a watchdog.
     seen: u32,
-    /// Bits of a toggle table that wait for their acknowledgement, each with its time.
+    /// Bits of a toggle table that wait for their acknowledgement. Each has the time of its acknowledgement.
     bits: Vec<(u32, u64)>,
 }
 
@@ -37,9 +37,10 @@ enum Phase {
     /// Waits for the program.
     #[default]
     Idle,
-    /// A request was seen, or a watchdog is running.
+    /// For an answer: the firmware has seen the request. For a watchdog: the watchdog is running.
     Running,
-    /// The answer was given and a second value will follow, or a watchdog has expired.
+    /// For an answer: the first value was written, and a second value will follow. For a watchdog: the
+    /// watchdog has expired.
     Second,
 }
 
@@ -48,7 +49,7 @@ impl Handshakes {
         Handshakes { rows, steps: vec![Step::default(); rows.len()], has_moved: true }
     }
 
-    /// Applies `f` to each row, with its state.
+    /// Applies `f` to each row and to the state of the row.
     fn each(&mut self, mut f: impl FnMut(&Row, &mut Step)) {
         for (row, step) in self.rows.iter().zip(&mut self.steps) {
             f(row, step);
@@ -111,13 +112,13 @@ impl Part for Handshakes {
     }
 }
 
-/// True if the fault acts that disturbs the behaviour of a row.
+/// True if a fault acts that disturbs the behaviour of this row.
 fn is_disturbed(row: &Row, card: &Card) -> bool {
     row.unless_fault().is_some_and(|fault| card.has_fault(fault))
 }
 
-/// Forgets what the program waits for while a fault disturbs the row. The time of an answer or of an acknowledgement
-/// starts again when the fault ends. A value that follows an answer comes as usual.
+/// Called while a fault disturbs the row: forgets what the program waits for. When the fault ends, the time
+/// of an answer or acknowledgement starts again. A second value that follows an answer still comes as usual.
 fn suspend(rule: &Rule, step: &mut Step) {
     match rule {
         Rule::Answer { .. } if step.phase != Phase::Second => step.due = None,
@@ -132,7 +133,7 @@ fn suspend(rule: &Rule, step: &mut Step) {
 /// Handles writes of the program. Returns true if a register has changed.
 fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> bool {
     let mut wait = |is_wanted: bool, after_us: u64| {
-        // If the program withdraws its request, the time starts again with the next request.
+        // If the program has withdrawn its request, the time starts again with the next request.
         step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
     };
     match rule {
@@ -143,7 +144,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
         }
         Rule::Toggle { from, to, bits, after_us } => {
             let pending = (card.load(*from) ^ card.load(*to)) & bits;
-            // A bit that the program has taken back gets no acknowledgement.
+            // If the program has taken back a bit, this bit gets no acknowledgement.
             step.bits.retain(|(bit, _)| pending & bit != 0);
             let known = step.bits.iter().fold(0, |all, (bit, _)| all | bit);
             let due = ctx.now.saturating_add(*after_us);
@@ -188,7 +189,8 @@ fn fire(row: &Row, step: &mut Step, card: &mut Card, ctx: &mut Context) {
             if card.load(*at) != u32::from(from) {
                 return;
             }
-            // The state is written before the answer, so that a program that sees the answer finds the new state.
+            // The state is written before the answer. So a program that sees the answer also sees the new
+            // state.
             if !is_second {
                 apply(state, ctx, card);
             }

@@ -1,7 +1,7 @@
-//! Handshakes of a device in a folder that need no script: `handshakes.toml`.
+//! `handshakes.toml`: handshakes of a device in a folder that need no script.
 //!
-//! Each table of the file becomes a [`Row`]. The firmware polls the rows in the order of the file's kinds: ready flags,
-//! answers, toggle bits, counters, watchdogs, mirrors.
+//! Each table of the file becomes a [`Row`]. The firmware polls the rows in the order of these kinds: ready
+//! flags, answers, toggle bits, counters, watchdogs, mirrors.
 
 mod file;
 mod firmware;
@@ -27,14 +27,16 @@ use toml::Spanned;
 
 /// Name of the file in the folder.
 pub(super) const FILE: &str = "handshakes.toml";
-/// Maximum number of tables of a file: the firmware polls each in every processor cycle.
+/// Maximum number of tables in a file. There is a limit because the firmware polls each table in every
+/// processor cycle.
 pub const MOST_ROWS: usize = 256;
 /// Maximum number of registers that the mirrors of a file copy.
 pub const MOST_MIRRORED: usize = 4096;
-/// Shortest time between two counts of a counter in microseconds: each count is an event of the plant.
+/// Shortest time between two counts of a counter in microseconds. There is a limit because each count is an
+/// event of the plant.
 const SHORTEST_COUNT_US: u64 = 100;
 
-/// A table of the file: a behaviour, with its source.
+/// A table of the file: a behaviour, and the source of the fact.
 #[derive(Debug)]
 pub struct Row {
     /// Kind of the table: `answer`, `watchdog` ...
@@ -48,7 +50,7 @@ pub struct Row {
     /// Source of the behaviour.
     pub source: Provenance,
     rule: Rule,
-    /// Index of the `[[fault]]` that disturbs this behaviour while it acts.
+    /// Index of the `[[fault]]` that disturbs this behaviour as long as it acts.
     unless_fault: Option<usize>,
 }
 
@@ -85,8 +87,8 @@ pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Re
     Ok(Tables { rows: reader.rows(file)?, records, faults: reader.faults })
 }
 
-/// Returns the faults that the text declares, without checks of the other tables. A client of a running device needs
-/// nothing else of the file, so the other tables may be wrong.
+/// Returns the faults that the text declares. The other tables are not checked, because a client of a running
+/// device does not need them.
 ///
 /// # Errors
 /// [`FolderError::Table`] with the line.
@@ -101,7 +103,7 @@ pub(super) fn read_faults(
     reader.read_faults(file.fault)
 }
 
-/// Returns the offset of the register, and the request, of an answer.
+/// For an answer, returns the offset of the register and the request.
 fn answer_of(row: &Row) -> Option<(u32, u16)> {
     match &row.rule {
         Rule::Answer { at, request, .. } => Some((at.offset, *request)),
@@ -109,7 +111,7 @@ fn answer_of(row: &Row) -> Option<(u32, u16)> {
     }
 }
 
-/// The file and the layout that its names refer to.
+/// The text of the file, and the layout that defines the names in it.
 struct Reader<'a> {
     path: &'a Path,
     text: &'a str,
@@ -198,7 +200,8 @@ impl Reader<'_> {
         Ok(faults)
     }
 
-    /// Returns the index of the fault that disturbs a behaviour, and adds the fault to the description.
+    /// Returns the index of the fault that disturbs a behaviour. Adds the fault to the description of the
+    /// behaviour.
     fn unless(
         &self,
         name: Option<&Spanned<String>>,
@@ -429,7 +432,7 @@ fn row(
     rule: Rule,
     unless_fault: Option<usize>,
 ) -> Row {
-    // A row is never freed, like the tables of the layout.
+    // A row is never freed, as the tables of a layout are never freed. So its texts can be leaked.
     let source = tables::provenance(source, |text| Box::leak(text.to_owned().into_boxed_str()));
     Row { kind, register, behaviour, page, source, rule, unless_fault }
 }

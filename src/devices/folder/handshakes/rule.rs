@@ -1,4 +1,4 @@
-//! Behaviours that tables describe, with the places of their registers.
+//! Behaviours that tables describe, with the places of their registers in the image.
 
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
@@ -8,7 +8,7 @@ use crate::devices::folder::card::{Card, Place};
 pub(super) enum Rule {
     /// Shows a state after power-on.
     Ready { state: Vec<Change>, after_us: u64 },
-    /// Answers a value of a register, perhaps with a value that follows the answer after a time.
+    /// Answers a value of a register. A second value may follow the answer after a time.
     Answer {
         at: Place,
         request: u16,
@@ -21,7 +21,8 @@ pub(super) enum Rule {
     Toggle { from: Place, to: Place, bits: u32, after_us: u64 },
     /// Counts time.
     Counter { at: Place, every_us: u64 },
-    /// Shows a state if the program does not change a register in time, and another state when the changes continue.
+    /// Shows a state if the program does not change a register in time. Shows another state when the program
+    /// changes the register again.
     Watchdog { at: Place, within_us: u64, state: Vec<Change>, recovered: Vec<Change> },
     /// Copies registers.
     Mirror { pairs: Vec<(Place, Place)> },

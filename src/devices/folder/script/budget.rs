@@ -1,4 +1,4 @@
-//! Limits the steps, the processor time and the stack of a script.
+//! Limits for the steps, the processor time and the stack of a script.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -7,22 +7,25 @@ use serde::{Deserialize, Serialize};
 
 /// Steps of a script within a millisecond of emulated time (D-801).
 pub(super) const MOST_OPERATIONS: u64 = 200_000;
-/// Steps that each call of a hook counts, so that calls of empty hooks are limited, too.
+/// Steps that each call of a hook counts in addition to its own steps, so that calls of empty hooks are also
+/// limited.
 const CALL: u64 = 20;
-/// Processor time of this thread that a script may use within a millisecond of emulated time. A step can be long: it
-/// may sort an array. Without this limit a script within its steps could keep the emulator from each request for
-/// minutes. Only a script that is too slow for any use reaches it, so journals do not depend on the speed of the
-/// machine (D-801).
+/// Processor time of this thread that a script may use within a millisecond of emulated time. A single step
+/// can take long: it may sort an array. Without this limit, a script that keeps its limit of steps could
+/// block the emulator for minutes. Only a script that is too slow for any use reaches the limit, so journals
+/// do not depend on the speed of the computer (D-801).
 pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
-/// Elapsed time of a script within a millisecond that counts in place of its processor time. To read the processor time of a
-/// thread is a system call, which takes longer than a short hook. The elapsed time is never shorter (D-837).
+/// As long as the script's elapsed time within a millisecond is shorter than this, it is used instead of the
+/// processor time. Reading the processor time of a thread is a system call, which takes longer than a short
+/// hook. The elapsed time is never shorter than the processor time, so it is a safe estimate (D-837).
 const UNMEASURED: Duration = Duration::from_millis(100);
 /// Steps between two reads of the time.
 const STEPS_PER_LOOK: u64 = 64;
-/// Stack in bytes that a hook may take, from the call on.
+/// Stack in bytes that a hook may use, counted from its call.
 const MOST_STACK: usize = 1 << 20;
 
-/// Steps taken in the present millisecond. Part of snapshots, so that a script stops at the same step after going back.
+/// Number of steps in the present millisecond. Snapshots contain it, so that after a return to a snapshot a
+/// script stops at the same step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Budget {
     millisecond: u64,
@@ -54,11 +57,12 @@ pub(super) struct Meter {
     bottom: Cell<usize>,
     /// The millisecond of emulated time of the last call.
     millisecond: Cell<u64>,
-    /// Elapsed time of all calls in this millisecond, until it exceeds [`UNMEASURED`].
+    /// Elapsed time of all calls in this millisecond. It is counted until it exceeds [`UNMEASURED`].
     elapsed: Cell<Duration>,
-    /// Processor time of all calls in this millisecond, after this elapsed time.
+    /// Processor time of all calls in this millisecond, counted when the elapsed time has exceeded
+    /// [`UNMEASURED`].
     used: Cell<Duration>,
-    /// Last read of the time in this call.
+    /// Last reading of a clock in this call.
     last: Cell<Read>,
 }
 
@@ -109,7 +113,7 @@ impl Meter {
         let (last, now) = (self.last.get(), self.read());
         let sum = if last.is_of_processor { &self.used } else { &self.elapsed };
         sum.set(sum.get() + now.time.saturating_sub(last.time));
-        // The sum may now be so large that the other clock counts.
+        // The limit for the elapsed time may be exceeded now, so the next reading may use the other clock.
         self.last.set(if last.is_of_processor { now } else { self.read() });
         self.used.get() > LONGEST_TIME.saturating_sub(UNMEASURED)
     }
@@ -119,12 +123,13 @@ impl Meter {
         self.operations.get()
     }
 
-    /// Counts the steps of a verb that works on many registers; the next step ends a call that has taken too many.
+    /// Counts the steps of a verb that works on many registers. If a call has taken too many steps, the next
+    /// step ends it.
     pub(super) fn charge(&self, operations: u64) {
         self.operations.set(self.operations.get().saturating_add(operations));
     }
 
-    /// Counts a step of the script; returns the limit that is exceeded, if any.
+    /// Counts a step of the script. Returns the limit that is exceeded, if there is one.
     pub(super) fn step(&self) -> Option<Exceeded> {
         self.charge(1);
         if self.operations.get() > self.allowed.get() {

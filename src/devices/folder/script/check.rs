@@ -14,13 +14,14 @@ use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// The hooks, and the names of the registers of the hook `written` if the script selects them.
+/// The hooks; the names of the registers of the hook `written`, if the script selects them; the names of the
+/// imported files.
 type Found = (Hooks, Option<Vec<String>>, Vec<String>);
 
 /// A line and its error.
 type Wrong = (Position, String);
 
-/// The correction of a script that needs a port.
+/// The correction for a script that needs a port.
 const DECLARE_PORT: &str = "declare it in device.toml: \
     port = [{ name = \"can\", number = 1, medium = \"can\", roles = [\"peer\"] }]";
 
@@ -49,15 +50,16 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
             hooks = hooks_of(&ast)?;
             check_port(script, hooks, layout)?;
         }
-        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here. All
-        // files share the processor time of one millisecond.
+        // Runs the statements outside of functions. They may be constants and imports; a verb causes an error
+        // here. All files together may use the processor time of one millisecond.
         meter.begin(MOST_OPERATIONS, 0);
         let mut scope = Scope::new();
         let ran = engine.run_ast_with_scope(&mut scope, &ast);
         meter.end();
         ran.map_err(|error| {
             let mistake = Mistake::ran(&error);
-            // The engine names no file for an error in the statements of the file itself.
+            // For an error in the statements outside of functions, the engine names no file. So the name is
+            // added here.
             if mistake.file == MAIN { Mistake { file: file.clone(), ..mistake } } else { mistake }
         })?;
         if file == MAIN && scope.contains(WRITTEN) {
@@ -114,7 +116,7 @@ fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
     Ok(hooks)
 }
 
-/// Refuses hooks for events of a port if the device has none.
+/// If the device has no port, refuses hooks for events of a port.
 fn check_port(script: &Script, mut hooks: Hooks, layout: &'static DeviceLayout) -> Result<(), Mistake> {
     let has = |name: &&&str| hooks.flag(name).is_some_and(|flag| *flag);
     match Hooks::OF_PORT.iter().find(has) {
@@ -129,7 +131,8 @@ fn check_port(script: &Script, mut hooks: Hooks, layout: &'static DeviceLayout) 
 /// The names that the files of a script use.
 #[derive(Default)]
 struct Named {
-    /// Functions that are called, and all texts: a text may be the name of a function that is called later.
+    /// Functions that are called, and all texts. A text counts because it may be the name of a function that
+    /// is called later.
     used: BTreeSet<String>,
     /// Functions of the main file.
     functions: BTreeSet<String>,
@@ -147,7 +150,8 @@ impl Named {
                 Some(ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _)))
                 | Some(ASTNode::Stmt(Stmt::FnCall(call, _))) => {
                     self.used.insert(call.name.to_string());
-                    // The walk does not visit all arguments of a call.
+                    // The walk through the syntax tree does not visit all arguments of a call, so they are
+                    // visited here.
                     let texts = (0..call.args.len()).filter_map(|argument| text(call, argument));
                     self.used.extend(texts.map(str::to_owned));
                 }
@@ -165,7 +169,7 @@ impl Named {
         });
     }
 
-    /// Refuses a function that nothing calls if its name is nearly that of a hook.
+    /// Refuses a function that is never called if its name is similar to that of a hook.
     fn check_hooks(&self, script: &Script) -> Result<(), Mistake> {
         let hooks = || Hooks::ALL.iter().map(|(name, _)| *name);
         let is_unused = |name: &str| !self.used.contains(name) && hooks().all(|hook| hook != name);
@@ -212,7 +216,7 @@ impl Calls<'_> {
         wrong
     }
 
-    /// Checks the texts in a call that name registers and functions.
+    /// Checks the texts in a call that are names of registers or functions.
     fn call(&self, call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
         any_call(call, at)?;
         let name = call.name.as_str();
@@ -250,8 +254,8 @@ impl Calls<'_> {
     }
 }
 
-/// Refuses a truth value of PLC languages: the engine would miss a variable of that name while the script runs. Other
-/// words of these languages do not parse.
+/// Refuses a truth value in the spelling of PLC languages. Otherwise the engine would search for a variable
+/// of this name only when the script runs. Other words of these languages are syntax errors.
 fn spelling(variable: &str, at: Position) -> Result<(), Wrong> {
     match variable {
         "TRUE" | "FALSE" => Err((at, format!("`{variable}`: write `{}`", variable.to_ascii_lowercase()))),

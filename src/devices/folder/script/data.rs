@@ -1,7 +1,7 @@
 //! Values of a script between two calls, in a form that snapshots can save.
 //!
-//! A value is a list of items, in which each container precedes its contents. So reading a value from a snapshot of an
-//! unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
+//! A value is a list of items. Each container comes before its contents. So reading a value from a snapshot
+//! of an unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
 
 use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -9,9 +9,9 @@ use core::slice::{Iter, IterMut};
 use rhai::{Array, Blob, Dynamic, INT, Map};
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of items of a value, counting each key and each element.
+/// Maximum number of items of a value. Each key and each element counts.
 const MOST_ITEMS: usize = 4096;
-/// Maximum number of bytes of texts and bytes in a value.
+/// Maximum total number of bytes of all texts and blobs in a value.
 const MOST_BYTES: usize = 64 << 10;
 /// Deepest nesting of arrays and maps in a value.
 const DEEPEST: usize = 16;
@@ -29,7 +29,7 @@ enum Item {
     Bytes(Vec<u8>),
     /// An array: the given number of values follows.
     Array(u32),
-    /// A map: this number of pairs of a text and a value follows.
+    /// A map: the given number of pairs follows, each with a text and a value.
     Map(u32),
 }
 
@@ -51,7 +51,7 @@ impl Data {
     /// Converts a value of the engine.
     ///
     /// # Errors
-    /// The value is too large, nested too deep, or contains something that cannot be saved.
+    /// The value is too large, nested too deeply, or contains something that cannot be saved.
     pub(super) fn of(value: &Dynamic) -> Result<Self, String> {
         let mut data = Data(Vec::new());
         let mut bytes = 0;
@@ -63,7 +63,7 @@ impl Data {
     /// Converts the state of a script, the map `this`.
     ///
     /// # Errors
-    /// The value is no map, or as for [`Data::of`].
+    /// The value is not a map, or the errors of [`Data::of`].
     pub(super) fn of_state(this: &Dynamic) -> Result<Self, String> {
         if !this.is_map() {
             return Err(format!("it is a value of type {}; it must stay a map", this.type_name()));
@@ -110,7 +110,8 @@ impl Data {
         read(&mut self.0.iter(), 0).unwrap_or(Dynamic::UNIT)
     }
 
-    /// Returns the values of an array. If the data are not an array, returns a list with a single value.
+    /// Returns the values of an array. If the data are not an array, returns a list with the data as a single
+    /// value.
     pub(super) fn values(&self) -> Vec<Dynamic> {
         let mut items = self.0.iter();
         match items.next() {
@@ -119,8 +120,8 @@ impl Data {
         }
     }
 
-    /// Takes over the state of a script if it differs from these data only in numbers, bools and characters, so that its
-    /// sizes are the same. This is faster than [`Data::of_state`], because nothing is allocated.
+    /// Takes over the state of a script if it differs from these data only in numbers, bools and characters.
+    /// All sizes are then unchanged. This is faster than [`Data::of_state`], because it allocates nothing.
     pub(super) fn take_over(&mut self, this: &Dynamic) -> Update {
         let mut items = self.0.iter();
         match compare(&mut items, this).filter(|_| items.as_slice().is_empty()) {
@@ -133,7 +134,7 @@ impl Data {
         }
     }
 
-    /// True if the items are exactly one value within the limits.
+    /// True if the items form exactly one value within the limits.
     fn is_whole(&self) -> bool {
         let mut items = self.0.iter();
         self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()
@@ -147,12 +148,13 @@ pub(super) enum Update {
     Same,
     /// The data have taken over the changes of the state.
     Changed,
-    /// The state has other elements or texts. The data are unchanged.
+    /// The state has other elements or texts, so the data could not take over its changes. The data are
+    /// unchanged.
     Other,
 }
 
-/// Compares a value with the next items. `None`: it has another form, or it has properties that data do not keep. Otherwise
-/// returns true if a number, bool or character differs.
+/// Compares a value with the next items. Returns `None` if the value has another form, or properties that
+/// data cannot keep. Otherwise returns true if a number, bool or character differs.
 fn compare(items: &mut Iter<'_, Item>, value: &Dynamic) -> Option<bool> {
     if value.is_shared() || value.is_read_only() || value.tag() != 0 {
         return None;
@@ -185,7 +187,8 @@ fn compare(items: &mut Iter<'_, Item>, value: &Dynamic) -> Option<bool> {
     }
 }
 
-/// Copies the numbers, bools and characters of a value to items of the same form, as [`compare`] has found.
+/// Copies the numbers, bools and characters of a value to items. The value must have the form of the items;
+/// [`compare`] has checked this.
 fn copy(items: &mut IterMut<'_, Item>, value: &Dynamic) {
     match items.next() {
         Some(Item::Bool(known)) => *known = value.as_bool().unwrap_or(*known),
@@ -210,8 +213,9 @@ fn copy(items: &mut IterMut<'_, Item>, value: &Dynamic) {
     }
 }
 
-/// Number of elements and entries in a value, counted as the engine does. The engine checks its limits at some
-/// operations only: an assignment to an element or an entry is none of them.
+/// Number of elements and entries in a value, counted in the same way as in the engine. This count is
+/// necessary because the engine checks its limits only in some operations: not when an element or an entry is
+/// assigned.
 #[derive(Clone, Copy, Default)]
 struct Size {
     elements: usize,
@@ -219,7 +223,8 @@ struct Size {
 }
 
 impl Size {
-    /// Counts the elements of all arrays and the entries of all maps in a value that is not nested too deep.
+    /// Counts the elements of all arrays and the entries of all maps in a value. The value must not be nested
+    /// too deeply.
     ///
     /// # Errors
     /// A text, an array or a map in the value is larger than the engine permits.
@@ -273,7 +278,7 @@ fn item(value: &Dynamic) -> Result<Item, String> {
     }
 }
 
-/// Returns the next value; `None` if there is none within the limits.
+/// Returns the next value; `None` if there is no value within the limits.
 fn read(items: &mut Iter<'_, Item>, depth: usize) -> Option<Dynamic> {
     if depth > DEEPEST {
         return None;
@@ -340,7 +345,7 @@ mod tests {
         assert_eq!((&back, Data::of(&back.value()).unwrap()), (&data, data.clone()));
     }
 
-    /// Data take over what they can without a change of their form, with the same result as new data.
+    /// Data take over changes that do not change their form. The result equals that of new data.
     #[test]
     fn changed_numbers_are_taken_over() {
         let map = |number: INT, letter: char, text: &str, array: Vec<INT>| -> Dynamic {
@@ -388,7 +393,8 @@ mod tests {
         assert!(Data::of(&long.into()).unwrap_err().contains("65536 bytes"));
     }
 
-    /// Items of an unknown author's snapshot may end early, be too many, or be nested without an end.
+    /// The items in a snapshot of an unknown author may end too early, be too many, or be nested without a
+    /// limit.
     #[test]
     fn wrong_items_are_refused() {
         let deep = vec![Item::Array(1); 100_000];

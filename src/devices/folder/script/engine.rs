@@ -1,8 +1,9 @@
 //! The engine of a script, with its limits.
 //!
-//! The limits bound the memory of a running script to some tens of megabytes: number of calls times variables times the
-//! largest value. Language elements without such a limit are switched off. For example, functions as values (closures,
-//! `curry`) can contain each other, and the engine does not count them.
+//! The limits restrict the memory of a running script to some tens of megabytes: the number of calls, times
+//! the number of variables, times the size of the largest value. Elements of the language for which no limit
+//! exists are switched off. For example, functions as values (closures, `curry`) can contain each other, and
+//! the engine does not count them.
 
 use super::Files;
 use super::budget::Meter;
@@ -25,17 +26,18 @@ pub(super) const LARGEST_ARRAY: usize = 2048;
 pub(super) const LARGEST_MAP: usize = 512;
 /// Maximum number of variables of a function.
 const MOST_VARIABLES: usize = 64;
-/// Maximum number of arguments of a call. A limit is needed because arguments are evaluated before the limits of
-/// variables apply.
+/// Maximum number of arguments of a call. This limit is needed because the arguments are evaluated before the
+/// limit of variables applies.
 pub(super) const MOST_ARGUMENTS: usize = 16;
 /// Maximum number of functions in a file.
 const MOST_FUNCTIONS: usize = 512;
 
-/// Names that a script cannot use: they evaluate texts, make functions, or wait in real time.
+/// Names that a script cannot use. Functions of these names evaluate texts, create functions, or wait in real
+/// time.
 pub(super) const MISSING: [&str; 8] =
     ["eval", "Fn", "call", "curry", "is_shared", "sleep", "parse_json", "timestamp"];
 
-/// Returns an engine with verbs that act on the objects of `context`. The meter counts the steps of the engine.
+/// Returns an engine. Its verbs act on the objects of `context`, and the meter counts its steps.
 pub(super) fn engine(context: &Rc<RefCell<VerbContext>>, meter: &Rc<Meter>, files: &Files) -> Engine {
     let mut engine = Engine::new();
     engine.set_max_call_levels(MOST_CALLS);

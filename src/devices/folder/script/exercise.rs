@@ -1,7 +1,7 @@
-//! Reads `exercise.rhai`: actions of a correct program at the device, for `commram soak`.
+//! Reads `exercise.rhai`: actions of a correct program that uses the device, for `commram soak`.
 //!
-//! The file is a scenario without a plant. It defines `start()`, `recover()` and a function for each move. Two
-//! constants declare the moves, and the warnings that a correct program may cause.
+//! The file is a scenario without a plant. It defines `start()`, `recover()` and a function for each move.
+//! Two constants declare the moves and the warnings that a correct program may cause.
 
 use crate::devices::folder::{FolderError, plant_alone};
 use crate::devices::{Exercise, Move};
@@ -14,15 +14,16 @@ use std::path::Path;
 const MOST_MOVES: usize = 64;
 /// Maximum number of parameters of a move, without the first parameter.
 const MOST_PARAMETERS: usize = 8;
-/// Steps that the constants of the file may take.
+/// Maximum number of steps for evaluating the constants of the file.
 const MOST_OPERATIONS: u64 = 10_000;
-/// Longest file in bytes, as of every scenario.
+/// Maximum length of the file in bytes, as for every scenario.
 const LONGEST: usize = 64 << 10;
 
-/// Reads the exercise of the device with this layout in the folder `dir`, with the text of the file. The exercise is never freed.
+/// Reads the exercise of the device with this layout in the folder `dir`. `text` is the text of the file. The
+/// exercise is never freed.
 ///
 /// # Errors
-/// [`FolderError::Script`]: the file is no script, or its declarations are wrong.
+/// [`FolderError::Script`]: the file is not a script, or its declarations are wrong.
 pub(super) fn read(
     dir: &Path,
     layout: &'static DeviceLayout,
@@ -63,7 +64,8 @@ fn lasting(text: String) -> &'static str {
     String::leak(text)
 }
 
-/// Returns an engine without the verbs of scenarios, because outside of functions the file has only constants.
+/// Returns an engine without the verbs of scenarios. It needs no verbs, because outside of functions the file
+/// has only constants.
 fn engine() -> Engine {
     let mut engine = Engine::new();
     engine.set_max_operations(MOST_OPERATIONS);

@@ -31,7 +31,7 @@ pub(super) struct ScriptFirmware {
     budget: Budget,
     /// True if an error has stopped the script until the next power-on.
     is_stopped: bool,
-    /// True if a function has run since the last poll: it may have written registers that other parts read.
+    /// True if a function has run since the last poll. It may have written registers that other parts read.
     has_moved: bool,
 }
 
@@ -99,14 +99,15 @@ impl ScriptFirmware {
         }
     }
 
-    /// Shows in the front panel of the device whether the script runs.
+    /// Shows in the front panel of the device whether the script is running.
     fn show_state(&self, card: &mut Card) {
         if let Ok(word) = self.layout.register(state_word::NAME) {
             card.update(Place::of(&word), |_| self.is_stopped.into());
         }
     }
 
-    /// Calls the hooks for the events of the port, in their order. A stopped script handles none.
+    /// Calls the hooks for the events of the port, in the order of the events. A stopped script handles no
+    /// events.
     fn take_arrivals(&mut self, ctx: &mut Context, card: &mut Card) {
         let Hooks { frame: has_frame, bus_event: has_event, .. } = self.script.hooks;
         while let Some(arrival) = card.take_arrival() {
@@ -185,7 +186,7 @@ impl Part for ScriptFirmware {
         self.run_timers(ctx, card);
     }
 
-    /// Takes over a changed script. The script continues with its state, even after an error.
+    /// Takes over a changed script. The script continues with its state, even if an error had stopped it.
     fn take_over(&mut self, _: &mut Context, card: &mut Card, script: &'static Script) {
         if script.watches() {
             card.watch_again(self.layout, script.written());

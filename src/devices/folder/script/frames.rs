@@ -32,7 +32,8 @@ pub(super) fn data_frame(id: INT, data: &Dynamic) -> Result<Frame, String> {
     Ok(Frame::new(identifier(id, false)?, payload(data)?))
 }
 
-/// Returns the frame that a map describes; `data` and `length` are empty if they are left out.
+/// Returns the frame that a map describes. A missing `data` means no data. A missing `length` is the length
+/// of the data, or 0 in a remote frame.
 ///
 /// # Errors
 /// A key is missing or unknown, or its value does not fit a frame.
@@ -57,10 +58,11 @@ pub(super) fn frame_of(map: &Map) -> Result<Frame, String> {
     }
 }
 
-/// Returns the filters that an array describes: identifiers of 11 bits, or maps with `id`, `extended` and `mask`.
+/// Returns the filters that an array describes. Its elements are identifiers of 11 bits, or maps with `id`,
+/// `extended` and `mask`.
 ///
 /// # Errors
-/// An element is no filter, or there are too many.
+/// An element is not a filter, or there are too many elements.
 pub(super) fn filters_of(all: &Array) -> Result<Vec<Filter>, String> {
     if all.len() > MOST_FILTERS {
         return Err(format!("{} filters; a port has at most {MOST_FILTERS}", all.len()));

@@ -1,4 +1,4 @@
-//! Imports of a script. Imports are other scripts of the folder, and their texts were read together with the main
+//! Imports of a script. They are other scripts of the folder. Their texts were read together with the main
 //! script.
 
 use super::Files;
@@ -11,7 +11,7 @@ use std::rc::Rc;
 pub(super) struct Imports {
     files: Files,
     modules: RefCell<BTreeMap<String, Rc<Module>>>,
-    /// Files that are being imported, the outermost first.
+    /// Files that are being imported. The first entry is the file that has imported the second, and so on.
     under_way: RefCell<Vec<String>>,
 }
 

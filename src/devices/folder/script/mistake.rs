@@ -14,7 +14,7 @@ const LONGEST: usize = 160;
 pub(super) struct Mistake {
     /// Name of the file in the folder.
     pub(super) file: String,
-    /// Line of the mistake, counted from 1, if it is known.
+    /// Line of the mistake, from 1; `None` if the line is not known.
     pub(super) line: Option<usize>,
     /// Description of the error.
     pub(super) what: String,
@@ -30,7 +30,7 @@ impl fmt::Display for Mistake {
 }
 
 impl Mistake {
-    /// Returns an error that concerns no particular line.
+    /// Returns an error that is not about a particular line.
     pub(super) fn new(what: impl Into<String>) -> Self {
         Mistake { file: super::MAIN.to_owned(), line: None, what: what.into() }
     }
@@ -43,7 +43,7 @@ impl Mistake {
         Mistake { file: file.to_owned(), line, what: shortened(what) }
     }
 
-    /// Returns an error of a running script, with the innermost line.
+    /// Returns an error of a running script. Its line is that of the innermost call.
     pub(super) fn ran(error: &EvalAltResult) -> Self {
         let (mut file, mut line) = (super::MAIN.to_owned(), error.position().line());
         let mut at = error;
@@ -60,7 +60,7 @@ impl Mistake {
     }
 }
 
-/// Names the first spelling of a PLC language in a line, and the right one.
+/// Finds the first spelling of a PLC language in a line, and names the right spelling.
 fn spelled(line: &str, layout: &'static DeviceLayout) -> Option<String> {
     let is_register = |word: &str| layout.target(word).is_ok();
     let is_verb = |word: &str| super::verbs::NAMES.contains(&word);
@@ -106,7 +106,7 @@ fn description(error: &EvalAltResult) -> String {
     }
 }
 
-/// Shortens a text of a script, which may have any length.
+/// Shortens a text that comes from a script, because such a text may have any length.
 fn shortened(mut text: String) -> String {
     if text.len() > LONGEST {
         text.truncate(text.floor_char_boundary(LONGEST - 3));

@@ -1,11 +1,11 @@
-//! `firmware.rhai`: firmware of a device in a folder as a script.
+//! `firmware.rhai`: a script that is the firmware of a device in a folder.
 //!
-//! The script has functions with fixed names, its hooks, which the device calls at certain events. A hook works on a
-//! map, `this`, which snapshots contain. The author of a script may be unknown. So a script has no access to a clock, a
-//! file or another device, and its steps, memory and nesting are limited.
+//! The script has functions with fixed names, called hooks. The device calls them at certain events. A hook
+//! works on the map `this`, which snapshots contain. The author of a script may be unknown. So a script has
+//! no access to a clock, a file or another device, and its steps, memory and nesting are limited.
 //!
-//! An engine for scripts can be used in one thread only, but a plant may move to another thread. So each thread
-//! compiles a script once ([`program`]), and the device itself only stores data.
+//! An engine for scripts can be used in one thread only, but a plant may move to another thread. So each
+//! thread compiles a script once ([`program`]), and the device itself stores only data.
 
 mod budget;
 mod check;
@@ -54,10 +54,11 @@ pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
 #[derive(Debug)]
 pub(super) struct Script {
     files: Files,
-    /// Hash of all texts. A thread finds its compiled script by this number.
+    /// Hash of all texts. A thread uses this number to find the script that it has compiled.
     id: u64,
     hooks: Hooks,
-    /// Names of the registers of the hook `written`; `None`: of all that programs write.
+    /// Names of the registers for the hook `written`; `None` if the hook is called for all registers that
+    /// programs write.
     written: Option<Vec<String>>,
     /// Kinds of journal records that it writes.
     records: Arc<[OwnRecord]>,
@@ -118,7 +119,7 @@ impl Script {
     /// directory has no script.
     ///
     /// # Errors
-    /// A file is a link, is too long or is not text; or there are too many files.
+    /// A file is a symbolic link, is too long or is not text, or there are too many files.
     pub(super) fn read(dir: &Path) -> Result<Option<Self>, FolderError> {
         let Some(main) = commram_layoutc::read_file_of_folder(dir, MAIN)? else { return Ok(None) };
         let mut files = vec![(MAIN.to_owned(), main)];
@@ -148,7 +149,7 @@ impl Script {
         }))
     }
 
-    /// Returns the same script, with another text for the file `name`.
+    /// Returns the script with another text for the file `name`.
     #[cfg(feature = "cli")]
     pub(super) fn with(self, name: &str, text: &str) -> Self {
         let is_it = |known: &str| known == name;
@@ -175,7 +176,7 @@ impl Script {
         records: &[OwnRecord],
     ) -> Result<Vec<String>, FolderError> {
         self.records = records.into();
-        // The records that the device declares are part of the identity of the script.
+        // A script with other declared records is another script, so its hash includes these records.
         self.id = XxHash3_64::oneshot_with_seed(self.id, format!("{records:?}").as_bytes());
         let (hooks, written, imports) = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;
@@ -197,8 +198,8 @@ impl Script {
         self.hooks.written
     }
 
-    /// Returns names of the registers that the script wants to be notified of; `None` for all registers that programs
-    /// write.
+    /// Returns the names of the registers for which the script must be notified of writes; `None` for all
+    /// registers that programs write.
     pub(super) fn written(&self) -> Option<&[String]> {
         self.written.as_deref()
     }
@@ -209,10 +210,11 @@ impl Script {
     }
 }
 
-/// Reads the exercise of a device with this layout in the folder `dir`, if it has one.
+/// Reads the exercise of a device with this layout in the folder `dir`. Returns `None` if the folder has no
+/// exercise.
 ///
 /// # Errors
-/// The file is a link, too long, no script, or its declarations are wrong.
+/// The file is a symbolic link, is too long or is not a script, or its declarations are wrong.
 pub(super) fn read_exercise(
     dir: &Path,
     layout: &'static DeviceLayout,
@@ -221,7 +223,7 @@ pub(super) fn read_exercise(
     text.map(|text| exercise::read(dir, layout, &text)).transpose()
 }
 
-/// Returns names of the scripts other than the main script, in alphabetical order.
+/// Returns the names of all scripts except the main script, in alphabetical order.
 fn other_names(dir: &Path) -> Result<Vec<String>, FolderError> {
     let missing = |reason| FolderError::Missing { dir: dir.to_owned(), reason };
     let mut names = Vec::new();

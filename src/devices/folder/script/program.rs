@@ -13,11 +13,13 @@ use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope, Stmt};
 use std::rc::Rc;
 
 thread_local! {
-    /// The scripts that this thread has compiled, by their numbers and layouts. A process has few different scripts.
+    /// The scripts that this thread has compiled, each with its number and layout. A process has only few
+    /// different scripts.
     static COMPILED: RefCell<Vec<(u64, *const DeviceLayout, Rc<Program>)>> = const { RefCell::new(Vec::new()) };
 }
 
-/// True for the constant `WRITTEN`, which functions need only as `global::WRITTEN`.
+/// True for the constant `WRITTEN`. Functions do not need it as a variable, because they can only use it as
+/// `global::WRITTEN`.
 fn is_selection(statement: &Stmt) -> bool {
     matches!(statement, Stmt::Var(variable, ..) if variable.0.name.as_str() == WRITTEN)
 }
@@ -28,7 +30,7 @@ pub(super) struct Program {
     ast: AST,
     /// Text of the main file.
     text: String,
-    /// True if the script has constants or imports outside of functions, except `WRITTEN`.
+    /// True if the script has constants or imports outside of functions. `WRITTEN` does not count.
     has_statements: bool,
     context: Rc<RefCell<VerbContext>>,
     meter: Rc<Meter>,
@@ -66,7 +68,7 @@ impl Program {
     /// Compiles the files.
     ///
     /// # Errors
-    /// The main file is no script.
+    /// The main file is not a script.
     fn compile(script: &Script, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
         let Script { files, records, .. } = script;
         let context = Rc::new(RefCell::new(VerbContext::new(layout, records)));
@@ -116,7 +118,8 @@ impl Program {
         Outcome { result, acting, operations: self.meter.operations() }
     }
 
-    /// Adds a line to an error. If the engine reports no line, as for an empty loop, adds the line of the function.
+    /// Adds a line to an error. If the engine reports no line, for example in an empty loop, adds the line of
+    /// the function.
     fn placed(&self, mistake: Mistake, function: &str) -> Mistake {
         if mistake.line.is_some() || mistake.file != super::MAIN {
             return mistake;

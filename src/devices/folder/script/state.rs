@@ -6,12 +6,13 @@ use core::sync::atomic::{AtomicUsize, Ordering};
 use rhai::Dynamic;
 use std::collections::HashMap;
 
-/// The map `this` as data, which snapshots keep and which may move to another thread (D-838).
+/// The map `this` in the form of data. Snapshots contain the data, and the data may move to another thread
+/// (D-838).
 #[derive(Debug)]
 pub(super) struct State {
     data: Data,
-    /// Number of this content. No other content in this process has the same number, so a thread can keep the value of the
-    /// engine for the next call ([`LiveStates`]).
+    /// Version number of this content. No other content in this process has this number. So a thread can keep
+    /// the engine's value for the next call ([`LiveStates`]).
     version: usize,
 }
 
@@ -39,10 +40,12 @@ impl SnapshotFields for State {
     }
 }
 
-/// Maximum number of values that a thread keeps for a script: the devices of the same folder, and values of the past.
+/// Maximum number of values that a thread keeps for a script. There may be several values because several
+/// devices can have the same folder, and because a plant can return to the past.
 const MOST_KEPT: usize = 64;
 
-/// The values of the engine for the states of a script, by their versions. A call with a known state makes no new value.
+/// The engine's values for the states of a script, by their versions. A call with a known state need not
+/// create a value.
 #[derive(Debug, Default)]
 pub(super) struct LiveStates(HashMap<usize, Dynamic>);
 
@@ -55,12 +58,12 @@ impl LiveStates {
     /// Takes over the value after a call.
     ///
     /// # Errors
-    /// The value is no map, is too large, or cannot be saved. The state is then unchanged.
+    /// The value is not a map, is too large, or cannot be saved. The state is then unchanged.
     pub(super) fn put_back(&mut self, this: Dynamic, state: &mut State) -> Result<(), String> {
         match state.data.take_over(&this) {
             Update::Same => {}
             Update::Changed => state.version = new_version(),
-            // The next call makes a value of the data. It has only what data keep.
+            // The next call creates the value from the data. So the value contains only what data can keep.
             Update::Other => {
                 *state = State { data: Data::of_state(&this)?, version: new_version() };
                 return Ok(());
@@ -90,7 +93,7 @@ mod tests {
         live.put_back(set(2), &mut state).unwrap();
         assert_eq!((number(&live.take(&state)), live.0.len()), (Some(2), 0));
         live.put_back(set(3), &mut state).unwrap();
-        // A restored state does not get the value of a later one.
+        // A restored state must not get the value of a later state.
         state.restore(&mut Saved::new(saving.bytes())).unwrap();
         assert_eq!(number(&live.take(&state)), Some(1));
         assert!(live.put_back(Dynamic::UNIT, &mut state).unwrap_err().contains("must stay a map"));

@@ -11,7 +11,7 @@ pub(super) const MOST_TIMERS: usize = 64;
 pub(super) struct Timer {
     /// Emulated time of the call, in microseconds.
     due: u64,
-    /// Number of the entry. Functions with the same time are called in the order of these numbers.
+    /// Number of the entry. Functions for the same time are called in the order of these numbers.
     number: u64,
     pub(super) function: String,
     /// Arguments of the call, as an array.

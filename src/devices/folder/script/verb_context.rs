@@ -1,5 +1,5 @@
-//! Context of verbs: the objects on which the verbs (built-in functions) of a device's script act while one of its
-//! functions runs.
+//! Context of verbs. The verbs (built-in functions) of a device's script act on these objects while a
+//! function of the script runs.
 
 use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;
@@ -16,7 +16,8 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Maximum number of registers that a thread caches for a script. Further names are looked up each time.
+/// Maximum number of registers that a thread caches for a script. Names beyond this number are searched at
+/// each use.
 const MOST_REMEMBERED: usize = 16 << 10;
 /// Maximum number of blocks that a thread caches for a script.
 const MOST_BLOCKS: usize = 256;
@@ -104,7 +105,8 @@ impl Acting {
         true
     }
 
-    /// Puts a frame into the transmit queue of the port. Returns false if the frame is lost; the journal then has a record.
+    /// Puts a frame into the transmit queue of the port. Returns false if the frame is lost. The journal
+    /// records the loss.
     pub(super) fn send(&mut self, frame: Frame) -> bool {
         let sent = self.card.send(frame);
         self.reports.extend(sent.err().map(|reason| Report::Unsent(frame, reason)));
@@ -121,7 +123,7 @@ impl Acting {
     }
 }
 
-/// The verbs' access to the device, if a function runs.
+/// Access of the verbs to the device. It exists only while a function runs.
 pub(super) struct VerbContext {
     pub(super) layout: &'static DeviceLayout,
     /// Kinds of journal records of the device.

@@ -123,7 +123,8 @@ struct Verbs<'a> {
 }
 
 impl Verbs<'_> {
-    /// Registers a verb. `make` creates the function of the verb, which acts on the objects in `context`.
+    /// Registers a verb. `make` creates the function of the verb. This function acts on the objects in
+    /// `context`.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,
@@ -158,7 +159,7 @@ impl Verbs<'_> {
         self.on("output", |context| {
             move |name: &str, new: Dynamic| context.change(name, false, |found| whole(found, &new))
         });
-        // The engine finds a verb faster by the types of all its arguments.
+        // The engine finds a verb faster if the types of all its arguments are declared.
         self.on("write", |context| {
             move |name: &str, new: INT| context.change(name, true, |found| whole(found, &new.into()))
         });
@@ -186,7 +187,7 @@ impl Verbs<'_> {
         });
     }
 
-    /// Verbs on many registers, which count one step for each register or word.
+    /// Registers verbs that work on many registers. They count one step for each register or word.
     fn blocks(&mut self, meter: &Rc<Meter>) {
         let steps = Rc::clone(meter);
         self.on("copy", |context| {
@@ -358,7 +359,7 @@ impl Verbs<'_> {
     }
 }
 
-/// Replaces a request by its answer, if the register still has the request.
+/// Replaces a request by its answer if the register still contains the request.
 fn exchange(context: &SharedContext, name: &str, request: &Dynamic, answer: &Dynamic) -> Fallible<bool> {
     context.with(|context| {
         let found = own(context.register(name)?)?;
@@ -409,7 +410,7 @@ fn noted(text: &str) -> String {
     text[..text.floor_char_boundary(LONGEST_NOTE)].to_owned()
 }
 
-/// Refuses a register that the device does not write.
+/// Refuses a register that the device itself does not write.
 fn own(found: Found) -> Result<Found, String> {
     may_change(&found.register).map(|()| found)
 }
@@ -424,8 +425,8 @@ fn whole(found: Found, new: &Dynamic) -> Result<Change, String> {
     Ok(Change { clear: u32::MAX, set: bits(found, new)? })
 }
 
-/// Converts a value to the bits of a register. The value is a number of the register's type or its bit pattern, a bool,
-/// or a text as on the command line.
+/// Converts a value to the bits of a register. The value is a number of the register's type, the bit pattern
+/// of such a number, a bool, or a text as on the command line.
 fn bits(found: Found, new: &Dynamic) -> Result<u32, String> {
     let ty: RegType = found.register.ty();
     let pattern = |number: INT| u32::try_from(number).ok().filter(|bits| *bits <= ty.mask());

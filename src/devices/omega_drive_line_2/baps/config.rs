@@ -5,7 +5,8 @@ use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::baps_quit;
 use serde::{Deserialize, Serialize};
 
-/// Parameter numbers of up to eight reference values and eight actual values; 0 for no value.
+/// Parameter numbers of up to eight reference values and eight actual values. A number of 0 means that there
+/// is no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Numbers {
     pub writes: [u16; 8],
@@ -18,7 +19,7 @@ impl Numbers {
         Numbers { writes: core::array::from_fn(|x| load(x).0), reads: core::array::from_fn(|x| load(x).1) }
     }
 
-    /// Returns these numbers, with reference values 0 and 1 and actual values 0 to 3 taken from `others`. A
+    /// Returns these numbers, but with reference values 0 and 1 and actual values 0 to 3 of `others`. A
     /// re-initialization replaces only these six (manual 5.00005.03a p. 90).
     pub(crate) fn re_initialized(mut self, others: &Numbers) -> Self {
         self.writes[..2].copy_from_slice(&others.writes[..2]);
@@ -26,11 +27,12 @@ impl Numbers {
         self
     }
 
-    /// Checks whether the drive can exchange all parameters with these numbers.
+    /// Checks whether the drive can exchange the parameters with these numbers.
     ///
     /// # Errors
-    /// Returns the acknowledgement. The error of a reference value that cannot be written has priority over that of an
-    /// actual value that cannot be read (manual 5.00005.03a p. 111 states this rule for the re-initialization).
+    /// Returns the acknowledgement. If both kinds of errors occur, the error of a reference value that cannot
+    /// be written has priority over the error of an actual value that cannot be read (manual 5.00005.03a p.
+    /// 111 states this rule for the re-initialization).
     pub(crate) fn check(&self, drive: &BuiltInDrive) -> Result<(), u8> {
         let regler = drive.regler();
         if self.writes.iter().any(|&number| number != 0 && !regler.is_writable(number)) {

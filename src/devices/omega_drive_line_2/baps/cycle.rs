@@ -1,4 +1,4 @@
-//! `w_COMMAND_REG`: selection and time of the exchanged values (manual 5.00005.03a p. 88-91).
+//! `w_COMMAND_REG`: which values are exchanged, and when (manual 5.00005.03a p. 88-91).
 
 use crate::devices::omega_drive_line_2::registers::values::baps_command_reg::{
     METHOD, NUMBER, SAME_CYCLE, SLICES, TIME_SLICE,
@@ -8,18 +8,19 @@ use serde::{Deserialize, Serialize};
 
 /// Time slice of the drive for the BAPS, in us.
 pub(crate) const SLICE_US: u64 = 500;
-/// Number of reference values that one communication can transfer.
+/// Number of reference values that are transferred in one communication with [`Method::SameCycle`].
 const SAME_CYCLE_WRITES: usize = 2;
 /// First version of the drive software that transfers four actual values in one communication (manual p. 104).
 pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
 
-/// Selection of reference and actual values, bits 2-1.
+/// Bits 2-1: method for the selection of reference and actual values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Method {
-    /// Time-slice method: one of up to eight values in each communication, value x with half the frequency of value
-    /// x-1.
+    /// Time-slice method. Each communication transfers one of up to eight values. Value x is transferred half
+    /// as often as value x-1.
     TimeSlice,
-    /// Two reference values and two (four) actual values in each communication.
+    /// Each communication transfers two reference values, and two (with newer drive software, four) actual
+    /// values.
     SameCycle,
 }
 
@@ -35,8 +36,8 @@ impl Cycle {
     /// Bits of `w_COMMAND_REG` that are reserved and have no effect.
     pub(super) const RESERVED: u16 = !(METHOD | SLICES | NUMBER);
 
-    /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The bits `RESERVED` do not matter
-    /// (decision D-153).
+    /// Reads `w_COMMAND_REG`; `None` if method or number is a reserved value. The bits in `RESERVED` are
+    /// ignored (decision D-153).
     pub(crate) fn from_register(word: u16) -> Option<Self> {
         let method = match word & METHOD {
             TIME_SLICE => Method::TimeSlice,
@@ -44,8 +45,8 @@ impl Cycle {
             _ => return None,
         };
         let number = (word & NUMBER) >> NUMBER.trailing_zeros();
-        // With a counter, the period is `number` slices. With binary division, time slot v comes
-        // every 2^v slices, for the first time as slice 2^(v-1). The communication follows one slice later (decision
+        // With a counter, the period is `number` slices. With binary division, time slot v comes every 2^v
+        // slices, and slice 2^(v-1) is its first one. The communication takes place one slice later (decision
         // D-154).
         let (period, first) = match (number, word & SLICES != 0) {
             (0, _) => return None,
@@ -72,7 +73,7 @@ impl Cycle {
         self.first
     }
 
-    /// t_cycP: time between two exchanges of value `x` (0 to 7), in us.
+    /// Returns t_cycP: the time between two exchanges of value `x` (0 to 7), in us.
     #[cfg(test)]
     pub(crate) fn value_us(&self, x: u8) -> u64 {
         match self.method {
@@ -81,8 +82,8 @@ impl Cycle {
         }
     }
 
-    /// Reference and actual values of communication `count`, counted from 1, with this version of the drive
-    /// software (D-15).
+    /// Returns the reference values and actual values of communication `count`, counted from 1, with this
+    /// version of the drive software (D-15).
     pub(crate) fn values(&self, count: u64, software: u32) -> (Range<usize>, Range<usize>) {
         match self.method {
             Method::TimeSlice => {
@@ -119,8 +120,8 @@ mod tests {
         for (number, ms) in [(1, 1), (2, 2), (3, 4), (4, 8), (5, 16), (15, 16384)] {
             assert_eq!(cycle(number << 4 | 8).communication_us(), ms * 1000);
         }
-        // The first communication comes one slice after the first time slot v. Slots 1 are the odd slices, slots 2 the
-        // slices 2, 6, 10.
+        // The first communication comes one slice after the first time slot v. Time slots 1 are the odd
+        // slices; time slots 2 are the slices 2, 6, 10 and so on.
         for (number, first) in [(1, 1000), (2, 1500), (3, 2500), (15, 8_192_500)] {
             assert_eq!(cycle(number << 4 | 8).first_us(), first);
         }

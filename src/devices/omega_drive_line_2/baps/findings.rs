@@ -12,10 +12,11 @@ use crate::memory::Header;
 use crate::memory::header::ProgramState;
 use core::mem::offset_of;
 
-/// Cycles of the PLC program that must end before the first configuration (manual 5.00005.03a p. 63).
+/// Number of cycles that the PLC program must have ended before the first configuration (manual 5.00005.03a
+/// p. 63).
 const CYCLES_BEFORE: u32 = 5;
 
-/// True if the PLC program reports its cycles, and has not reached its sixth cycle yet (decision D-313).
+/// True if the PLC program reports its cycles but has not reached its sixth cycle yet (decision D-313).
 pub(super) fn is_too_early(asked: &Header) -> bool {
     match ProgramState::from_code(asked.program.state.load()) {
         Some(ProgramState::Initializing) => true,
@@ -24,12 +25,12 @@ pub(super) fn is_too_early(asked: &Header) -> bool {
     }
 }
 
-/// Reports a broken rule at the register at `offset` of the BAPS.
+/// Reports that the register at `offset` of the BAPS breaks a rule.
 pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value: u32) {
     ctx.find(rule, RegisterPhase::ALWAYS, offset, value);
 }
 
-/// Returns the cycle times in `w_COMMAND_REG`; `None` if they are reserved. Reserved values are reported.
+/// Returns the cycle times in `w_COMMAND_REG`. If they are reserved values, reports this and returns `None`.
 pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<Cycle> {
     let word = regs.w_COMMAND_REG.load();
     let cycle = Cycle::from_register(word);
