@@ -131,7 +131,7 @@ fn the_action_for_github_installs_a_package_and_runs_the_scenarios() {
     }));
     assert_merged(directory.path(), &file(".github/workflows/scenarios.yml"), &path);
 
-    // Existing files that match the pattern do not change the pattern.
+    // The pattern in the command must not be expanded by the shell, even if it matches files.
     std::fs::write(directory.path().join("st-no"), "").unwrap();
     let filtered = run(test, &path, &sum, "--filter st*");
     assert!(filtered.ok().contains("1 passed, 0 failed, 0 broken"), "{}{}", filtered.out, filtered.err);
@@ -158,7 +158,8 @@ fn a_wrong_package_is_refused_by_name() {
     }
 }
 
-/// A server that cancels a job signals only the shell of its step.
+/// If a server cancels a job, it sends a signal only to the shell of the step, not to the programs that the shell has
+/// started.
 #[test]
 fn a_cancelled_job_writes_its_reports() {
     let (directory, _) = repository();
@@ -271,7 +272,7 @@ fn the_release_makes_the_packages_of_the_page() {
     );
 }
 
-/// The machines of the farm are processes here, as on the page.
+/// The page describes a farm of machines. In this test, processes replace the machines.
 #[test]
 fn the_farm_makes_one_report_of_its_shards() {
     let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/ci.md")).unwrap();

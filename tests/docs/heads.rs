@@ -56,7 +56,8 @@ fn the_commands_in_file_heads_work() {
     }
 }
 
-/// After `&` an emulator may not be ready for the next command, and in the foreground it blocks the next command.
+/// The commands in a head must not start an emulator by `commram run`: with `&` it may not be ready for the next
+/// command, and without `&` it blocks the next command.
 #[test]
 fn pages_and_file_heads_start_emulators_only_with_detach() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -136,7 +136,7 @@ fn a_stepped_clock_waits_for_event_tasks() {
     let emulator = Emulator::stepped();
     let attach = || Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
     let programs = [
-        // The program ends one event after the thousandth.
+        // The program ends at the event after the thousandth one.
         ("timer_task", "event 2: 1001 ms\nmissed 0, longest run 0 us"),
         ("baps_timer", "the drive has followed timer A to angle"),
         ("baps_cansync", "slaves [1, 2, 3] have reached reference value 5000"),

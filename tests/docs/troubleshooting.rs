@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Parts of messages that the source inserts, so they split the text around them.
+/// Parts that the source inserts into a message. In the source, the text before and after them is in separate strings.
 const INSERTED: [&str; 4] = [" (process <PID>)", "/dev/shm", "PLCs", "for the task"];
 
 /// Parts of messages from the operating system and from the parsers of plant files and arguments.

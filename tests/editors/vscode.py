@@ -33,8 +33,8 @@ poke("node2.w_CPU_CONTRL", "handshake");
 let us = wait("node2.w_OPTION_STATUS", "16#0002", "1ms");
 expect("node2.w_OPTION_STATUS", "16#0003");
 """
-# The extension is in the server. A program of the server's machine is a setting of this machine: VS Code ignores it among
-# the settings of the user as soon as it reads them again.
+# The extension runs in the server, so the path of the program is a setting of the server's machine. In the settings of
+# the user, VS Code would ignore it when it reads these settings again.
 MACHINE = {"commram.program": PROGRAM}
 SETTINGS = {
     "chat.disableAIFeatures": True,
@@ -239,7 +239,7 @@ def a_breakpoint_stops_and_steps_lead_forward_and_back(editor: Editor):
     page.keyboard.press("F5")
     stops_at(editor, 'expect("node2.w_OPTION_STATUS"', "0.000500")
     expect(row_of(editor, "us =")).to_contain_text("500")
-    # Room for the registers: a wider and longer list.
+    # Makes the list of registers wider and longer, so that all of them are visible.
     for other in ("Watch", "Call Stack"):
         page.locator(".debug-viewlet .pane-header").filter(has_text=other).click()
     side = page.locator(".part.sidebar").bounding_box()
@@ -255,7 +255,7 @@ def a_breakpoint_stops_and_steps_lead_forward_and_back(editor: Editor):
     expect(status).to_contain_text("take over initialization data")
     status.scroll_into_view_if_needed()
     editor.picture("debugger")
-    # Back to the line before, with the registers and the time that it had.
+    # Steps back to the previous line. The registers and the emulated time have the values of that line.
     page.locator(".debug-toolbar .codicon-debug-step-back").click()
     stops_at(editor, "let us = wait", "0.000000")
     page.keyboard.press("F10")
@@ -295,7 +295,7 @@ def a_page_is_offered_and_a_refusal_is_shown(editor: Editor):
         with page.context.new_page() as tab:
             tab.goto(address)
             expect(tab).to_have_title(re.compile(first.name))
-        # An instance that ends while the user selects it.
+        # The instance ends while the user selects it.
         editor.command("commram: Open browser page")
         row = page.locator(".quick-input-list .monaco-list-row").filter(has_text=second.name)
         expect(row).to_be_visible()

@@ -159,7 +159,8 @@ fn an_invalid_image_is_refused_with_its_mistake() {
     );
 }
 
-/// At this speed the drive takes minutes to lock; the program waits for it until the emulator is killed.
+/// At this speed of the clock, the drive needs minutes to lock. The program waits for the drive until the emulator is
+/// killed.
 #[test]
 fn a_c_program_notices_that_the_emulator_was_killed() {
     let directory = tempfile::tempdir().unwrap();

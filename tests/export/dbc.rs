@@ -25,7 +25,8 @@ fn cantools_knows_every_frame_of_the_exercises() {
     }
 }
 
-/// SavvyCAN reads lines by fixed patterns, and each identifier once.
+/// SavvyCAN reads lines by fixed patterns, and accepts each identifier only once. So the lines must match the patterns,
+/// and the identifiers must differ.
 #[test]
 fn lines_have_the_forms_that_savvycan_reads() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! The exported matiec glue and the program around it, with a program in the form that matiec generates.
+//! Tests the exported glue code for matiec and the program that runs a compiled program, with a program in the form
+//! that matiec generates.
 //!
 //! matiec itself is in no package registry. `tests/matiec` therefore has its output for one program, and stubs
 //! for the two files of its runtime library that such a program includes. If `COMMRAM_MATIEC` names a directory with
@@ -100,7 +101,8 @@ fn located_variables_are_the_registers() {
     let emulator = Emulator::start(&[]);
     emulator.poke(&["node2.a_WR_VALUE[0]=41"]);
     let plc = Plc::start(&program, &emulator, &[]);
-    // The program has answered 16#0001 with 16#0002 by two commands in one scan.
+    // The program writes two commands to one register in one scan. Both have had their effect, so the status is
+    // 16#0002.
     assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"));
     // These flags contain the values that the first scan has read from registers, which get no initial values.
     assert_eq!(emulator.peek(&["%MB10000001", "%MD10000004"]), "16#00 16#0000002A");
@@ -288,7 +290,8 @@ fn matiec_compiles_its_exports() {
             iec2c(directory.path());
         }
     }
-    // The blocks of every device that has them in Structured Text. They refer to their registers (-r).
+    // Compiles the blocks of every device that has them in Structured Text. The option -r is needed because they use
+    // references to their registers.
     for device in ["omega-drive-line-2", "bm4-plc"] {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("commram.st");
@@ -296,14 +299,14 @@ fn matiec_compiles_its_exports() {
         fs::write(directory.path().join("program.st"), empty).unwrap();
         self::iec2c(&matiec, directory.path(), &["-r"]);
     }
-    // A variable with the name of a block that is omitted.
+    // The program has a variable with the name of a block, so the export must omit this block.
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("commram.st");
     run(&["export", "st", "--blocks", "--without", "led", "--output", file.to_str().unwrap()]).ok();
     let blink = "PROGRAM MAIN\nVAR LED : BOOL; END_VAR\nLED := NOT LED;\nEND_PROGRAM\n";
     fs::write(directory.path().join("program.st"), blink).unwrap();
     self::iec2c(&matiec, directory.path(), &["-r"]);
-    // Functions that matiec translates to functions of the C library for mathematics.
+    // matiec translates some functions to functions of the mathematics library of C, which must be linked.
     let directory = tempfile::tempdir().unwrap();
     exported(directory.path());
     let file = directory.path().join("commram.st");
@@ -313,7 +316,8 @@ fn matiec_compiles_its_exports() {
     fs::write(directory.path().join("program.st"), functions).unwrap();
     iec2c(directory.path());
     compile_made(&matiec, directory.path(), "-O0");
-    // The configuration that an editor writes must be deleted. The page has the two messages.
+    // A user must delete the configuration that an editor writes. The page has the two messages of matiec if it was not
+    // deleted.
     let page = include_str!("../../docs/guide/plc-programs.md");
     let own = "CONFIGURATION Config0\nRESOURCE Res0 ON PLC\nTASK T(INTERVAL := T#20ms, PRIORITY := 0);\n\
         PROGRAM P WITH T : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n";
@@ -332,7 +336,7 @@ fn matiec_compiles_its_exports() {
         assert!(format!("{}{}", refused.out, refused.err).contains(message), "{message}: {}", refused.err);
         assert!(page.contains(message), "{message}");
     }
-    // A program with a function block, TON, CASE, SFC, globals and two instances.
+    // Compiles a program with a function block, TON, CASE, SFC, global variables and two instances.
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();
     exported(directory);

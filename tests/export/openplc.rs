@@ -1,4 +1,5 @@
-//! The exports for OpenPLC and for Beremiz, in programs of their form: both bind located variables by their names.
+//! Tests the exports for OpenPLC and for Beremiz, with programs in the form that these tools generate. Both exports
+//! bind located variables by their names.
 //!
 //! `tests/openplc` has the output of matiec and of OpenPLC's glue generator for one program, and a main program with
 //! OpenPLC's order of calls. If `COMMRAM_OPENPLC` and `COMMRAM_BEREMIZ` name their directories, the tests follow
@@ -91,7 +92,8 @@ fn located_variables_of_openplc_are_the_registers() {
     let runtime = Runtime::start(&mut Command::new(core.join("openplc")), &name);
     let goes = |emulator: &Emulator| {
         let mut ms = 0;
-        // The program has answered 16#0001 with 16#0002 by two commands in one scan.
+        // The program writes two commands to one register in one scan. Both have had their effect, so the status is
+        // 16#0002.
         let ready = eventually(|| {
             emulator.step(&["1ms"]);
             ms += 1;

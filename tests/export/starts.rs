@@ -302,8 +302,9 @@ const INITIALIZED: &str = "__LOCATED_VAR(WORD,__MW3_200000,M,W,3,200000)\n__LOCA
                            __LOCATED_VAR(BYTE,__MB3_200018,M,B,3,200018)\n__LOCATED_VAR(BYTE,__MB3_200019,M,B,3,200019)\n\
                            __LOCATED_VAR(BYTE,__MB3_200021,M,B,3,200021)\n__LOCATED_VAR(WORD,__MW100,M,W,100)\n";
 
-/// A scan needs an event of the SYNC signal, and the SYNC signal needs a program that scans. The program can still
-/// start its bus. After a restart it first stops the bus and starts it again. Then it is scanned at each SYNC edge.
+/// The scans wait for the SYNC event, but there is no SYNC signal until a scan of the program has started the bus. The
+/// runner therefore scans without the event while the event is missing, so the program can start its bus. After a
+/// restart, the program stops the bus and starts it again. Then each SYNC edge causes a scan.
 #[test]
 fn a_program_that_scans_at_sync_starts_its_bus_itself() {
     let directory = tempfile::tempdir().unwrap();

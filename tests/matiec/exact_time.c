@@ -28,7 +28,7 @@ int main(void)
     printf("late %lu\n", exact(5000, 1000, 1000000));
     printf("fast %lu\n", exact(5000, 4000, 19900000));
     printf("ahead %lu\n", exact(5000, 1000, 3600000000u));
-    /* A slow machine may take up to 40 ms for these lines. */
+    /* The limits of the check allow a slow machine up to 40 ms for these lines. */
     time = exact(1050, 1000, 1000000);
     printf("between %d\n", time >= 1050000 && time < 1100000);
     return 0;

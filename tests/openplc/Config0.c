@@ -1,4 +1,4 @@
-/* In the form that matiec gives to a program, its configuration and its resource. */
+/* A program with its configuration and its resource, in the form that matiec generates. */
 #include "iec_std_lib.h"
 #include "accessor.h"
 #include "POUS.h"

@@ -1,4 +1,4 @@
-/* In the form that matiec gives to types and to the declarations of a program. */
+/* Types and declarations of a program, in the form that matiec generates. */
 #ifndef __POUS_H
 #define __POUS_H
 #include "accessor.h"

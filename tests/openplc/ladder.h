@@ -1,4 +1,7 @@
-/* Stub for the file of this name in OpenPLC: what its main program and a hardware layer know of each other. */
+/*
+ * Stub for the file of this name in OpenPLC. It declares the functions and variables that OpenPLC's main program and a
+ * hardware layer share.
+ */
 #include <pthread.h>
 #include <stdint.h>
 

@@ -61,7 +61,7 @@ class Check:
 
     def go(self, name):
         target = json.dumps(f"#/{self.emulator.name}/{name}")
-        # If the shown page has a longer address, it is drawn again.
+        # If the address of the shown page has further parts, opening its plain address draws the page again.
         self.page.value(f"window.old = location.hash.startsWith({target} + '/') && document.getElementById('page-{name}'); location.hash = {target}; true")
         self.page.until(f"![null, window.old].includes(document.getElementById('page-{name}'))", name)
 
@@ -197,7 +197,8 @@ class Check:
         self.page.until("document.querySelector('[role=slider][aria-label=SWITCH]').ariaValueText === 'stop'")
         self.page.click("[role=slider][aria-label=SWITCH] text", "RUN")
         self.waits_for(lambda: self.board()["switch"], "run", "switch")
-        # The keys move the switch in the direction that the drawing shows, and not beyond its ends.
+        # The arrow keys move the switch in the direction that the drawing shows. At its end positions, a key has no
+        # effect.
         self.page.value("document.querySelector('[role=slider][aria-label=SWITCH]').focus()")
         for key, position in [("ArrowUp", "run"), ("ArrowDown", "stop"), ("ArrowUp", "run")]:
             self.page.key(key)
@@ -337,7 +338,7 @@ class Check:
         """The recording of a handshake is a scenario that passes."""
         self.emulator.run("step", "--back", f"{self.time_us()}us")
         self.page.until("document.querySelector('.time').textContent === '0.000000 s'")
-        # Pokes at the time 0 are no part of the recording: it begins before them.
+        # The recording begins at power-on, before these pokes at the time 0. So they do not become part of it.
         self.emulator.run("poke", "node2.w_CPU_CONTROL=16#0001")
         self.page.click("button.record")
         self.page.click("dialog button", "Go back and record")
@@ -475,7 +476,7 @@ class Check:
         """Going back only removes changes."""
         rows = "[...document.querySelectorAll('.changes .rows-body .row')].map((it) => it.parts.map((part) => part.textContent).join(' '))"
         before, shown = None, self.page.until(f"{rows}.length >= 9 && {rows}")
-        # The list is complete when it has been the same for a second.
+        # The list counts as complete when it has not changed for a second.
         while before != shown:
             time.sleep(1)
             before, shown = shown, self.page.value(rows)

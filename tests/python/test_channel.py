@@ -30,13 +30,13 @@ def test_registers_and_time(stepped):
 def test_events_wake_a_listener(stepped):
     with stepped.attach() as ram, Channel(stepped.name) as channel:
         listener = channel.listener("line")
-        # Requests what INTR_SET requests: CPU timer 1 every 20 x 50 us, as in docs/reference/attach.md.
+        # Makes the same request as INTR_SET: CPU timer 1 with a period of 20 x 50 us, see docs/reference/attach.md.
         request = 20 << 16 | 1 << 1 | 1
         ram.write_header("interrupts[0].request", request)
         ram.write_header("board_requests", ram.header("board_requests") + 1)
         ram.write_header("doorbell.word", ram.header("doorbell.word") + 1)
-        # The answer comes while the clock is stopped: an advance before it would move the first event. Any operation wakes the
-        # emulator, which then notices the doorbell.
+        # The test waits for the answer before it advances the clock. Otherwise the first event would be at another
+        # time. Any operation wakes the emulator, which then notices the doorbell.
         end = time.monotonic() + 20
         while ram.header("interrupts[0].answer") != request:
             assert time.monotonic() < end, "the board does not answer"

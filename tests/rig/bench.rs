@@ -51,7 +51,8 @@ impl Bench {
         bench
     }
 
-    /// Brings the node from restart to set-up mode and over a SYNC edge, with these `b_AC` and `b_AM`.
+    /// Brings the node from restart to set-up mode with these values of `b_AC` and `b_AM`, and advances beyond the next
+    /// SYNC edge.
     fn set_up(&mut self, [code, mask]: [u8; 2]) {
         self.bring_up(..=Stage::WaitingForInit);
         self.node.write_init_data();

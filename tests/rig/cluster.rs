@@ -1,6 +1,5 @@
-//! A cluster: a tree of PLCs, each slave on the bus above it and master of its own bus, drives on the
-//! lowest buses. Each PLC runs the same task in every interval: reference values go down, sums of actual
-//! values come up.
+//! A cluster: a tree of PLCs. Each PLC is a slave on the bus above it and the master of its own bus. The lowest buses
+//! have drives. Each PLC runs the same task in every interval: reference values go down, sums of actual values come up.
 
 use super::bring_up::{Mode, Node, Stage, bring_up_in};
 use super::{Memory, NodeDevice, Rate, segment};
@@ -47,7 +46,8 @@ impl Drop for Cluster {
 }
 
 impl Cluster {
-    /// `widths[n]` is the number of participants on each bus of level n; the participants of the last level are drives.
+    /// Creates a cluster. `widths[n]` is the number of participants on each bus of level n. The participants of the
+    /// last level are drives.
     pub(crate) fn new(rate: Rate, widths: &[usize]) -> Cluster {
         Self::of(rate, plant_text(rate, widths), Memory::Heap)
     }
@@ -75,7 +75,7 @@ impl Cluster {
             plc.configure();
         }
         bring_up_in(&mut self.plant, &nodes, Stage::SetUp..=Stage::SetUp);
-        // All participants lock within this time, see `NodeDevice::plc` and `plant_text`, and have been polled.
+        // Within this time, all participants lock (see `NodeDevice::plc` and `plant_text`) and are polled.
         self.plant.advance_to(self.plant.now() + 100 * self.rate.interval_us);
         for plc in &self.plcs {
             let status = &plc.master.a_STAT_SL[..plc.children];
@@ -133,7 +133,8 @@ impl ClusterPlc {
         master.b_CTRLREG_RD_ORDER_RDC1.store(AUTOMATIC);
     }
 
-    /// Slave side before master side, right after the SYNC edge (manual 5.00005.03a p. 132).
+    /// Runs the task of a PLC directly after the SYNC edge: first its slave side, then its master side (manual
+    /// 5.00005.03a p. 132).
     fn task(&self) {
         if let Some((slave, _)) = &self.slave {
             if slave.b_CTRLREG_WRC1.load() == RECEIVED {

@@ -16,7 +16,8 @@ pub(crate) struct NodeDevice {
     pub slave: NodePlace,
     /// Text for [`NodeDevice::plc`].
     plc: fn(&str, u8, [Option<&str>; 2]) -> String,
-    /// Value of the master's `w_OMEGA_NR`, or of the device's register for it: a number that differs from its slave's.
+    /// Value of the master's `w_OMEGA_NR`, or of the corresponding register of the device. The number differs from that
+    /// of its slave.
     pub master_number: u16,
 }
 
@@ -42,7 +43,8 @@ static OMEGA: NodeDevice = NodeDevice {
     master_number: 9,
 };
 
-/// The modules are in slots from the middle of the row, so that no number is right by chance.
+/// The modules are in slots in the middle of the row. So a test that confuses the number of a slot with another number
+/// fails.
 static BM4: NodeDevice = NodeDevice {
     name: "b maXX PLC",
     layout: &bm4::DEVICE,

@@ -1,5 +1,5 @@
-//! A plant under test: PLC `a` is master of a bus with PLC `b`, a device of the same kind, as slave 0 and, if wanted,
-//! drives 1 to 3.
+//! A plant under test: PLC `a` is the master of a bus. PLC `b`, a device of the same kind, is slave 0. If a test needs
+//! drives, they are slaves 1 to 3.
 
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
@@ -142,7 +142,7 @@ impl Rig {
         self.plant.next_sync(DeviceIndex::at(self.master_at.plc), self.master_at.port)
     }
 
-    /// Returns the master; slaves 0 to 3 are expected.
+    /// Returns the master node, which expects slaves 0 to 3.
     pub(crate) fn master_node(&self) -> Node {
         self.node(self.master_at, Mode::Master)
     }

@@ -125,7 +125,8 @@ fn requests_of_other_sites_are_refused() {
     let bearer = server.bearer();
     let signed_in = ("authorization", bearer.as_str());
     for host in ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.example"] {
-        // DNS rebinding: the page is not served either.
+        // The host name of another site may lead to this server (DNS rebinding). Under such a name, not even the page
+        // is served.
         for path in ["/", "/api/v1/instances"] {
             server.request("GET", path, &[("host", host), signed_in], "").problem(421);
         }

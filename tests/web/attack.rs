@@ -310,7 +310,7 @@ fn paths_lead_nowhere_else() {
     answers(&server);
 }
 
-/// The process gets SIGBUS when it accesses the missing part.
+/// Another program removes a part of the channel. The server gets SIGBUS when it accesses the missing part.
 #[test]
 fn a_shortened_channel_of_one_instance_ends_no_other() {
     let emulators = [Emulator::stepped(), Emulator::stepped()];
@@ -349,7 +349,7 @@ fn a_shortened_channel_of_one_instance_ends_no_other() {
     assert!(std::fs::read_dir(server.runtime()).unwrap().next().is_none());
 }
 
-/// The soft limit is for programs that use `select`.
+/// The soft limit of open files is low for the sake of programs that use `select`. The server raises it.
 #[test]
 fn a_server_raises_its_soft_limit_of_open_files() {
     let emulator = Emulator::stepped();

@@ -113,7 +113,7 @@ fn registers_of_which_only_values_are_requested_have_no_changes() {
 /// The reader does not read until its connection is full.
 #[test]
 fn a_slow_reader_learns_its_losses_and_delays_no_client() {
-    // Rounds that fill the connection, and more rounds than the server keeps for a reader.
+    // Number of rounds that fill the connection. The next constant is more rounds than the server keeps for a reader.
     const FULL: usize = 10;
     const ROUNDS: usize = 60;
     let emulator = Emulator::stepped();

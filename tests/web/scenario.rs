@@ -35,7 +35,7 @@ impl Recorder<'_> {
         self.server.post(&self.server.path("request"), &json!({"operations": &operations})).ok();
         let end = self.time();
         let last = operations.len() - 1;
-        // Only the last operation advances the clock or goes back.
+        // Only the last operation of the words advances the clock or goes back, so only its action has an end.
         let action = |(at, operation)| {
             let end = (at == last).then_some(end);
             json!({"time_us": begin, "end_us": end, "operation": operation})
@@ -70,7 +70,7 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
     recorder.actions.push(json!({"time_us": 0, "section": "a \"start\""}));
     recorder.words("poke=node2.w_CPU_CONTROL%3D16%230001");
     recorder.act(json!({"wait": {"plc": 0, "offset": 200_002, "width": "Word", "mask": 65535, "value": 2, "within_us": 10_000}}));
-    // The conditions of these waits hold already; a wait without time is recorded, too.
+    // The conditions of these waits are true already, so the waits take no time. Such waits are recorded, too.
     let condition = |compare: &str, mask: u32, value: u32| {
         json!({"condition": {"plc": 0, "offset": 200_002, "width": "Word",
             "test": {"mask": mask, "compare": compare, "is_signed": false, "value": value}}})
@@ -122,7 +122,7 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
     assert_eq!(outcome.code, Some(1), "{}{}", outcome.out, outcome.err);
 }
 
-/// Going back to a condition uses up the condition: the next wait has only its own.
+/// A return to a condition takes the conditions of the request. The next wait has only its own conditions.
 #[test]
 fn the_condition_of_a_way_back_is_not_part_of_the_next_wait() {
     let emulator = Emulator::stepped();

@@ -132,7 +132,7 @@ impl Server {
     /// Sends bytes and returns what the server answers until it closes the connection.
     pub(crate) fn raw(&self, bytes: &[u8]) -> Answer {
         let mut stream = self.connect();
-        // The server may answer and close before it has read everything.
+        // An error is ignored: the server may answer and close the connection before it has read all bytes.
         let _ = stream.write_all(bytes);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);

@@ -313,8 +313,8 @@ fn two_jobs_for_different_slaves_run_side_by_side() {
     }
 }
 
-/// Return to set-up mode: the job waits in its registers, the exchange in progress is forgotten, and the job is
-/// sent again in the next active operation (D-46). After a restart the job is gone.
+/// When the master returns to set-up mode, the job stays in its registers and the exchange in progress is dropped. The
+/// master sends the job again in the next active operation (D-46). A restart clears the job.
 #[test]
 fn leaving_active_operation_ends_the_exchange_in_progress() {
     for rate in FASTEST {

@@ -47,7 +47,7 @@ fn init(bench: &mut Bench, direction: Direction, length: u16) {
     bench.answer_block(slave, &job, UpDownResult::Done);
 }
 
-/// T17 and T25: whole downloads of every length; every byte arrives once, padding is 0.
+/// T17 and T25: downloads of every length. Every byte arrives once, and the unused bytes of the last frame are 0.
 #[test]
 fn a_download_travels_in_blocks_of_six_bytes() {
     for rate in FASTEST {
@@ -192,8 +192,8 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
             assert_eq!(bench.interval(), None, "it is slave 0's turn");
             bench.regs.b_SL_NR_UPDOWN.store(5);
             assert_eq!(bench.updown_job(), Some((5, UpDownJob::cancel())));
-            // During the turn of another slave, the cancellation of an unsent job ends it without a frame (D-601). The
-            // cancellation of a sent job waits.
+            // The job is cancelled during the turn of another slave. A job that was not sent yet ends without a frame
+            // (D-601). The cancellation of a sent job waits for the turn of its slave.
             bench.enter_block(DOWNLOAD | 0x80, 6, ADDRESS, 18);
             assert_eq!((bench.interval(), bench.block()), (None, 0x00));
             bench.enter_block(DOWNLOAD, 5, ADDRESS, 18);
@@ -248,7 +248,8 @@ fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
     }
 }
 
-/// After an end, a withdrawal or a cancellation, a job begins with its init frame, whichever values the registers hold.
+/// When a job has ended or was withdrawn or cancelled, the next job begins with its init frame, independently of the
+/// values in the registers.
 #[test]
 fn no_transfer_is_taken_up_again() {
     for rate in FASTEST {

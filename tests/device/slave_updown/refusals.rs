@@ -5,7 +5,7 @@ use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult};
 
-/// Manual p. 192, and D-71 for error numbers that are not the slave's.
+/// Manual p. 192: error numbers of the slave's application. D-71: error numbers that a slave cannot use.
 #[test]
 fn the_application_refuses_at_each_acknowledgement() {
     for rate in FASTEST {
@@ -40,7 +40,7 @@ fn the_application_refuses_at_each_acknowledgement() {
     }
 }
 
-/// Decision D-71: bit 5 between two blocks ends the transfer as well.
+/// Decision D-71: an error that the application reports in bit 5 between two blocks ends the transfer, too.
 #[test]
 fn the_application_gives_up_between_two_blocks() {
     for rate in FASTEST {

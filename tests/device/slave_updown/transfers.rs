@@ -184,12 +184,13 @@ fn the_slave_sets_the_length_of_an_upload() {
     }
 }
 
-/// Manual p. 192; D-61, D-62, D-18: in each phase, and across the areas.
+/// Manual p. 192; D-61, D-62, D-18: the master begins another transfer in each phase of a transfer, in the same area or
+/// in the other one.
 #[test]
 fn a_changed_transfer_waits_until_the_application_confirms() {
     for rate in FASTEST {
         for area in areas(rate) {
-            // The last transfer continues in the other area.
+            // In the last phase, the new transfer is in the other area, which only the Omega Drive-Line II has.
             for phase in 0..if rate.kind.is_omega() { 4 } else { 3 } {
                 let old = init(Direction::Download, 20);
                 let new = init(Direction::Upload, if phase == 3 { 301 } else { 30 });

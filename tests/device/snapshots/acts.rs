@@ -268,7 +268,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             let Some((offset, width)) = place(plant, device, register) else { return };
             let plc = DeviceIndex::at(device % count);
             if !plant.unforce(plc, offset) {
-                // Registers under overlaid structures of other widths cannot be forced.
+                // An error is ignored: a register cannot be forced if an overlaid structure has another width there.
                 let _ = plant.force(Forced { plc, offset, width, value: value & width.max_value() });
             }
         }
@@ -329,7 +329,7 @@ pub(crate) fn bring_up(plant: &mut Plant) {
     ];
     let telegrams = [0, 0, 1, 4, 2].map(Act::Telegram);
     for act in up.iter().chain(&telegrams) {
-        // The contents of the time slots count from the start of the network on.
+        // A master reads the contents of its time slots at the start of the network, so they are set before it.
         for master in masters(plant) {
             master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x01);
             master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD1", 0x03);

@@ -142,7 +142,7 @@ fn public_interface() -> String {
     let mut text = String::new();
     for (path, items) in shown.modules {
         let mut items: Vec<_> = items.into_iter().map(|item| skeleton::print(vec![item])).collect();
-        // Sorted by text: moving an item within its module changes nothing for users.
+        // The items are sorted by text, so that the file does not change when an item moves within its module.
         items.sort();
         items.dedup();
         text += &format!("// {path}\n\n{}\n", items.concat());

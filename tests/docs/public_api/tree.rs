@@ -91,7 +91,7 @@ impl Module {
             _ => None,
         });
         imports.flatten().find_map(|import| match &import.name {
-            // `use name::...` in the module that resolves `name` itself.
+            // A `use` that begins with the name that it imports would resolve itself without end.
             Some(own) if own == name && !(is_first && import.path.first() == Some(own)) => {
                 self.resolve(module, &import.path, depth)
             }

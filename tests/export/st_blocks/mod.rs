@@ -66,8 +66,8 @@ fn played(emulator: &Emulator) -> (Vec<String>, String) {
         emulator.peek(&flags.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>())
     });
     let trace = emulator.run("trace", &[]);
-    // The start times of the programs depend on the machine. So does the order of two requests in simultaneous turns,
-    // because the board processes a request at once.
+    // The start times of the programs depend on the machine. If both have their turn at the same time, the order of
+    // their requests depends on it, too, because the board processes a request at once.
     let asked = |line: &&str| line.contains("  event ") || line.contains("OPT_INIT");
     let lines = trace.ok().lines().filter(|line| !line.contains("0.000000 s") && !asked(line));
     (sums.to_vec(), lines.collect::<Vec<_>>().join("\n"))

@@ -237,7 +237,7 @@ impl Main {
             .call(&self._CANsync_CTRL_SL);
     }
 
-    /// Gives the command channel to all slaves, for transfers to this slave.
+    /// Lets the command channel poll all slaves, and selects this slave for transfers.
     fn open_channel(&self, si_SL_NR_UDL: i8) {
         let (x_EN_CTRL, x_EN_PAR, x_EN_UDL, si_MAX_SL_NR) = (true, true, true, 4);
         CANsync_COMM_CONTROL_MA {

@@ -166,7 +166,7 @@ fn a_value_passes_from_gate_to_gate() {
     );
     assert_eq!(frame["from"], "left:can1");
     assert_eq!((&passed["plc"], &passed["value"]), (&"right".into(), &0x1234.into()));
-    // At 33.3 kbit/s no bit lasts whole microseconds; only the end of a frame is rounded.
+    // At 33.3 kbit/s, a bit does not last a whole number of microseconds. Only the end of a frame is rounded.
     let (begin, end) = (handshake["time_us"].as_u64().unwrap(), frame["time_us"].as_u64().unwrap());
     assert_eq!((end - begin, &passed["time_us"]), (airtime_us(), &frame["time_us"]));
 }
