@@ -114,7 +114,8 @@ fn can_bus(criterion: &mut Criterion) {
     for count in [8, 127] {
         let mut bench = Bench::new(count);
         group.bench_function(format!("100 ms, {count} stations"), |bencher| bencher.iter(|| bench.piece()));
-        // The figure is valid only if this number of frames was sent and each frame reached its only receiver.
+        // The figure is valid only if the stations have sent this number of frames, and each frame has reached its one
+        // receiver.
         let before = bench.received.load(Ordering::Relaxed);
         (0..10).for_each(|_| bench.piece());
         let frames = bench.received.load(Ordering::Relaxed) - before;

@@ -1,8 +1,9 @@
 //! Speed of devices in folders: 200 registers, ten handshakes, a process image of 32 bytes, one handshake completed in
 //! each millisecond. The device uses only tables, only a script, or a script that also polls in each processor cycle.
 //!
-//! Does not use criterion: prints the speed of each device relative to real time. It measures processor time, so that other
-//! work of the machine has little influence. `peer_cards.py` does the same work in another simulator.
+//! This benchmark does not use criterion. It prints the speed of each device relative to real time. It measures
+//! processor time, so that other work of the machine has little influence. `peer_cards.py` does the same work in
+//! another simulator.
 
 use commram::memory::{Segment, Width};
 use commram::plant::{Plant, PlantConfig};

@@ -18,8 +18,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// Numbers of participants: a PLC with one drive and with 32 drives (the difference is the memory of the drives), then
-/// 33, 331 and 1,000 PLCs, and the largest possible cluster.
+/// Numbers of participants: a PLC with one drive, a PLC with 32 drives, clusters of 33, 331 and 1,000 PLCs, and the
+/// largest possible cluster. The difference of the first two is the memory of 31 drives.
 const SIZES: [usize; 6] = [2, 33, 1_057, 10_570, 32_001, 65_535];
 
 /// Number of allocated bytes without images: an image takes memory only for the pages that were accessed.

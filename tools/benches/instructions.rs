@@ -8,7 +8,7 @@ mod line;
 
 use line::{INTERVAL_US, active_plant, release};
 
-/// Called by `cargo bench` without arguments: a short run then shows that the benchmark works.
+/// Without arguments, for example in `cargo bench`, a short run only shows that the program works.
 fn main() {
     let numbers: Vec<u32> = std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
     let (drives, intervals) = match numbers[..] {

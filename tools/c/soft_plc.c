@@ -15,7 +15,7 @@
 
 static commram ram;
 
-/* Says what went wrong, with the value found, and ends. */
+/* Prints the error with the value that was found, and ends the program. */
 static void stop(const char *what, unsigned found, commram_result result)
 {
     fprintf(stderr, "%s: %s (16#%04X)\n", what, commram_text(result), found);
@@ -23,7 +23,7 @@ static void stop(const char *what, unsigned found, commram_result result)
     exit(1);
 }
 
-/* Gives a command and waits for the state that follows it. */
+/* Writes a command and waits for the state to which it leads. */
 static void command(CANsync_MA_CTRL_BMSTRUCT *node, uint16_t command, uint16_t state)
 {
     commram_result result;
@@ -35,7 +35,7 @@ static void command(CANsync_MA_CTRL_BMSTRUCT *node, uint16_t command, uint16_t s
     printf("w_CPU_CONTROL 16#%04X -> w_OPTION_STATUS 16#%04X\n", command, state);
 }
 
-/* Master at 500 kbit/s; one slave is expected. */
+/* Writes the initialization data of a master at 500 kbit/s that expects one slave. */
 static void initialization_data(CANsync_INIT_BMSTRUCT *init)
 {
     COMMRAM_STORE(init->b_MA_SL_MODE, 0x00);
@@ -49,7 +49,7 @@ static void initialization_data(CANsync_INIT_BMSTRUCT *init)
     COMMRAM_STORE(init->a_SL_TYP[DRIVE], COMMRAM_SL_TYP_EXPECTED);
 }
 
-/* Value 0 is words 0 and 1 of frame 1, in both directions. */
+/* Maps value 0 to words 0 and 1 of frame 1, in both directions. */
 static void mapping(CANsync_MA_CTRL_BMSTRUCT *node)
 {
     const uint8_t low = COMMRAM_CFG_WORD_ASSIGNED;
@@ -61,7 +61,7 @@ static void mapping(CANsync_MA_CTRL_BMSTRUCT *node)
     COMMRAM_STORE(node->b_CTRLREG_RD_ORDER_RDC1, DRIVE);
 }
 
-/* Data first, then the control register; the firmware answers 16#04. */
+/* Stores the data first, then the control register. The firmware answers 16#04. */
 static void send(CANsync_MA_CTRL_BMSTRUCT *node, int32_t value)
 {
     commram_result result;

@@ -118,8 +118,8 @@ impl Program for Master {
         Ok(Progress::done_if(self.mode.x_CANsync_ACTIV && self.event.is_answered()))
     }
 
-    /// Handles the bus first, because its frames have a deadline; with SYNC offset 0 the drive takes over at the next
-    /// edge (p. 70).
+    /// Handles the bus first, because its frames have a deadline. The drive needs its values later: with SYNC offset 0
+    /// it takes them over at the next edge (p. 70).
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.call(&self._CANsync_CTRL_MA, &mut self.a_RD_ARRAY);
         self.drive.exchange()

@@ -44,7 +44,7 @@ void __wrap_OS_Sleep(uint32_t ms)
         __real_OS_Sleep(ms);
         return;
     }
-    /* The library pauses 50 us if it is asked for 0 ms. */
+    /* For a pause of 0 ms, the library would pause for 50 us. */
     result = commram_run(&task, ms ? ms * 1000 : 50, LONGEST_TURN_MS);
     if (result != COMMRAM_DONE)
         fail("lockstep: %s", commram_text(result));
@@ -195,7 +195,7 @@ static void open_card(unsigned char *dpm)
     card.uio_num = card.uio_fd = -1;
     init.init_options = CIFX_DRIVER_INIT_NOSCAN;
     init.base_dir = "/nonexistent";
-    /* The library starts no thread, so every access is in the order of this program. */
+    /* With this setting, the library starts no thread. So all accesses have the order of this program. */
     init.poll_interval = (unsigned long)CIFX_POLLINTERVAL_DISABLETHREAD;
     init.user_card_cnt = 1;
     init.user_cards = &card;
@@ -319,7 +319,7 @@ static void system_reset(void)
 {
     CIFX_PACKET answer;
     expect("xSysdeviceReset", xSysdeviceReset(device, 5000), CIFX_NO_ERROR);
-    /* The channel is ready a little later than the system. */
+    /* The channel is ready a short time after the system, so the program waits. */
     __wrap_OS_Sleep(50);
     expect_number("hardware identification", transfer(0, 0x1EB8, NULL, 0, &answer), 0);
     start_bus();

@@ -63,7 +63,7 @@ def bring_up(ram):
 def exchange(ram, value):
     """Sends the reference value until the drive's actual value is the same; returns the actual value."""
     for _ in range(100):
-        # Data first, then the control register; the firmware answers 16#04.
+        # Stores the data first, then the control register. The firmware answers 16#04.
         ram["node2.a_WR_VALUE[0]"] = value
         ram["node2.b_CTRLREG_WRC1"] = commram.SEND.DATA_WRITTEN_TO_BE_SENT
         ram.wait("node2.b_CTRLREG_WRC1", commram.SEND.TAKEN_OVER_AND_SENT)

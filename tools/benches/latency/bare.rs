@@ -1,8 +1,8 @@
 //! A bare iceoryx2 request-response: the reference for the channel.
 //!
-//! Requests and replies are as large as a single operation and its answer in the channel. One client, one server, which
-//! answers each request with the next higher number. Client and server wait like client and emulator: both poll, or
-//! both sleep on a futex word in a shared page.
+//! Requests and replies are as large as a single operation and its answer in the channel. There are one client and one
+//! server, which answers each request with the next higher number. They wait in the same way as a client and an
+//! emulator: both poll, or both sleep on a futex word in a shared page.
 
 use crate::support::PATIENCE;
 use crate::support::child::{Child, when_parent_ends};
@@ -39,7 +39,8 @@ pub(crate) struct Pair {
     _node: Node<ipc::Service>,
     page: Page,
     sleeps: bool,
-    // Dropping this field ends the server. It is dropped after the ports and before the files.
+    // Dropping this field ends the server. The field is declared between the ports and the files, so the server ends
+    // after the ports are closed and before the files are removed.
     _server: Child,
     _files: Files,
 }

@@ -21,8 +21,8 @@ pub(crate) fn activate(
     let expected = usize::from(*slaves.start())..usize::from(last) + 1;
     let node = Node::at(segment, NODE2, &BAUD_RATES[0], Mode::Master).expecting(expected);
     let master = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).expect("node 2 is there");
-    // In real time the firmware may poll at the moment of a write. It then reads the written value only one cycle
-    // later.
+    // In real time, a write may come directly after a poll of the firmware. The firmware then reads the written value
+    // only one cycle later, so this waits for two cycles' time.
     let mut pass = |us| advance(2 * us);
     bring_up(&[&node], ..=Stage::SetUp, &mut pass);
     let cfg = &master._CFG_WRC_WORD;

@@ -5,7 +5,8 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 /// Returns the first two processors that this process may use.
 ///
 /// # Panics
-/// If only one processor is available, two processes that poll would take turns of milliseconds.
+/// If only one processor is available. On one processor, two processes that poll would take turns of milliseconds, so
+/// no latency could be measured.
 pub(crate) fn pair() -> [usize; 2] {
     let allowed = sched_getaffinity(None).expect("the processors can be listed");
     let mut usable = (0..CpuSet::MAX_CPU).filter(|&cpu| allowed.is_set(cpu));

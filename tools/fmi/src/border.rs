@@ -1,4 +1,4 @@
-//! Common parts of all functions: types, invalid pointers, panics.
+//! Common parts of all functions: their types, and the handling of invalid pointers and panics.
 
 use super::instance::Inner;
 use core::ffi::{c_char, c_int, c_void};
@@ -12,7 +12,7 @@ pub enum Status {
     Ok,
     /// The function was successful, with a warning.
     Warning,
-    /// The function did nothing; the caller may try another way.
+    /// The function had no effect, and the caller may continue without it (`fmi3Discard`).
     Discard,
     /// The function failed with an error.
     Error,
@@ -103,7 +103,7 @@ pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T
 /// Returns `count` values that the function writes.
 ///
 /// # Safety
-/// Like [`read`], and no other code uses the values in the meantime.
+/// The conditions of [`read`] hold, and no other code uses the values in the meantime.
 pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Refused> {
     if count == 0 {
         return Ok(&mut []);
@@ -118,7 +118,7 @@ pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut
 /// Writes one value unless `to` is null.
 ///
 /// # Safety
-/// Like [`write()`].
+/// The conditions of [`write()`] hold.
 pub(crate) unsafe fn give<T>(to: *mut T, value: T) {
     // SAFETY: by the contract of this function.
     if let Some(to) = unsafe { to.as_mut() } {

@@ -98,7 +98,8 @@ fn the_functions_are_those_of_the_headers() {
     output_of(&mut cc);
 }
 
-/// Actions of a PLC that bring a drive to an actual value: time, register, value; without a value the register is read.
+/// Returns the actions of a PLC that bring a drive to an actual value. Each has a time, a register and a value. An
+/// action without a value reads the register.
 fn writes() -> String {
     let mut writes = String::new();
     let mut at = |us: u64, name: &str, value: Option<u32>| {

@@ -84,9 +84,9 @@ pub(crate) struct Gsd {
     pub page: String,
     pub keys: Vec<Key>,
     pub parameters: Vec<Parameter>,
-    /// The octets of the user's parameters that leave no choice.
+    /// The user-specific octets of Set_Prm, with zeros for the parameters that a user can choose.
     pub constants: Vec<u8>,
-    /// The octets of the user's parameters, with every parameter at its default.
+    /// The user-specific octets of Set_Prm, with every parameter at its default.
     pub defaults: Vec<u8>,
     pub diagnosis: Option<Diagnosis>,
     pub modules: Vec<Module>,

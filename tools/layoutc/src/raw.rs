@@ -30,7 +30,7 @@ pub(crate) struct Device {
     /// not state ...".
     #[serde(default)]
     pub undocumented: String,
-    /// The vendor's library of types, which states true offsets. Omitted if the device has no library.
+    /// The vendor's library of types, whose declarations have the real offsets. Omitted if the device has no library.
     #[cfg_attr(not(feature = "import"), expect(dead_code, reason = "only an import reads it"))]
     pub library: Option<String>,
     /// Directory of the family next to that of the device, if the device shares structures with others.
@@ -105,7 +105,7 @@ pub enum Letter {
     Q,
     /// Space of flags.
     M,
-    /// The front panel, which layouts do not place.
+    /// The letter of the front panel. A layout cannot use it, because the compiler places the front panel.
     #[serde(skip)]
     F,
 }

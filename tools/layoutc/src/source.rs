@@ -20,9 +20,9 @@ pub(crate) struct Sources {
 /// Files that a layout may consist of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reach {
-    /// The files of the directory, and those of the directory of a family next to it.
+    /// The files may be in the directory itself, and in the directory of a family next to it.
     Family,
-    /// Only files of the directory, and no links, because the author of the directory is unknown.
+    /// The files must be in the directory itself and must not be links, because the author of the directory is unknown.
     Folder,
 }
 

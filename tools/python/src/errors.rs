@@ -64,7 +64,7 @@ pub(crate) fn of_wait(error: ScenarioError) -> PyErr {
 }
 
 fn failed(class: &str, mut failure: Failure) -> PyErr {
-    // The line is in the test, and Python reports it.
+    // The location of the failure is a line of the test, which Python reports itself.
     failure.location = None;
     let error = of_class(class, &failure);
     let describe = |py: Python<'_>| {

@@ -22,7 +22,7 @@ def test_a_slave_returns_the_reference_value(emulator):
     emulator.poke("node2.a_WR_VALUE[0]", -4711)
     emulator.step_to_sync()
     for _ in range(3):
-        # Directly after SYNC, so that it is in time.
+        # The release is directly after a SYNC edge, so that it is in time for this interval.
         emulator.poke("node2.b_CTRLREG_WRC1", commram.SEND.DATA_WRITTEN_TO_BE_SENT)
         emulator.step("2ms")
         emulator.expect("node2.b_CTRLREG_WRC1", commram.SEND.TAKEN_OVER_AND_SENT)

@@ -46,7 +46,7 @@ def test_arrays_are_seen_where_they_are(emulator):
     view = emulator.view("node2.a_RD_BMARRAY")
     assert view[1, 2] == 5 and view.shape == (32, 16) and view.format == "i"
     assert emulator.view("node2.a_RD_BMARRAY[1]")[2] == 5
-    # Between the elements are the other members of the structures.
+    # The elements are not adjacent: between them are the other members of the structures.
     words = emulator.array("node2.a_CFG_RDC_WORD.b_CFG_RDC1_WORD0")
     emulator["node2.a_CFG_RDC_WORD[4].b_CFG_RDC1_WORD0"] = 9
     assert words[4] == 9 and emulator.view("node2.a_CFG_RDC_WORD.b_CFG_RDC1_WORD0")[4] == 9

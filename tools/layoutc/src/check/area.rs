@@ -114,7 +114,7 @@ fn area(
     let bytes = (last - first).saturating_add(1).saturating_mul(unit);
     let begin = within.place(first);
     let end = begin.and_then(|begin| begin.checked_add(bytes));
-    // The end of a space without `bytes` is the end of its last area.
+    // A space without the key `bytes` ends with its last area, so it has no end yet.
     let Some(begin) = begin.filter(|_| end.is_some_and(|end| raw_end(within) >= u64::from(end))) else {
         let (space, space_first) = (within.name.clone(), within.first);
         let space_last =
@@ -252,7 +252,8 @@ struct Mixed {
 impl OverlaidCells {
     /// Adds the cells of structure `number`. Returns the first difference to another structure, if there is one.
     fn add(&mut self, role: Option<raw::Role>, number: usize, cells: &[Option<u32>]) -> Option<Mixed> {
-        // A port keeps its role: structures of different roles never overlap in use.
+        // The role of a port does not change during a run. So structures of different roles are never in use at the
+        // same time.
         let meets = |other: &Option<raw::Role>| role.is_none() || other.is_none() || role == *other;
         let pairs = self
             .of_roles

@@ -51,7 +51,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let (shared, own): (Vec<_>, Vec<_>) = structures.into_iter().partition(|named| named.shared);
     all.read_parts(sources, &parts, manual_of)?;
     if let Some((_, family)) = &family {
-        // The family's rules apply to the family's registers.
+        // The rules for reserved registers in the family's file apply to the registers of the family.
         let theirs = Parts::new(&family.reserved, &family.manual);
         let (reserved, manual) = (theirs.reserved, theirs.manual);
         let ours =
@@ -179,7 +179,7 @@ impl Parts {
         for (file, part, shared) in read {
             for raw in &part.substructure {
                 self.types.add(sources, file, &raw.name)?;
-                // Other sub-structures are not visible here: sub-structures do not nest.
+                // The other sub-structures are hidden here, because a sub-structure must not contain another one.
                 let others = std::mem::take(&mut self.substructures);
                 let mut checked = structure::check(sources, self, file, raw)?;
                 checked.shared = shared;
@@ -210,7 +210,7 @@ impl Parts {
     }
 }
 
-/// Names that must be unique, also without the distinction of upper and lower case: IEC 61131-3 does not distinguish them,
+/// Names that must be unique even if upper and lower case are not distinguished: IEC 61131-3 does not distinguish them,
 /// and constants in C have upper case only (D-787).
 #[derive(Default)]
 struct Names(BTreeMap<String, String>);

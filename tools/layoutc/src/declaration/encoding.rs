@@ -25,7 +25,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
 fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     let (pairs, rest) = bytes.as_chunks();
     let units = pairs.iter().map(|pair| unit(*pair));
-    // Half a character at the end of the file counts as an invalid character.
+    // UTF-16 has two bytes for each unit. A single byte at the end of the file counts as an invalid character.
     let end = iter::repeat_n(0xDFFF, rest.len());
     char::decode_utf16(units.chain(end)).map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }

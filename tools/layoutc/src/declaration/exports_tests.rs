@@ -138,8 +138,8 @@ fn bounds_can_be_expressions_with_constants_of_any_file() {
     let chain: String = (0..1000).map(|n| format!("N{n} : INT := N{};", n + 1)).collect();
     let deep = refused(&[&array("N0"), &format!("VAR_GLOBAL CONSTANT {chain} N1000 : INT := 1; END_VAR")]);
     assert_eq!(deep, "0.st:1:16: the constant `N32` depends on others more than 32 deep");
-    // Every constant refers to the next one many times. Without stored values the evaluation would take practically
-    // forever.
+    // Every constant refers many times to the next one. Without stored values, the time of the evaluation would grow
+    // exponentially.
     let broad: String =
         (0..30).map(|n| format!("N{n} : INT := {}0;", format!("N{} + ", n + 1).repeat(20))).collect();
     let text = format!("VAR_GLOBAL CONSTANT {broad} N30 : INT := 0; END_VAR");

@@ -10,8 +10,8 @@ pub(crate) const MAX_TOKENS: usize = 64;
 /// Maximum depth of constants that refer to each other.
 const MAX_DEPTH: usize = 32;
 
-/// An expression as written. It is evaluated only where its value is needed; the other values of a library may be
-/// invalid.
+/// An expression as written. An expression is evaluated only if its value is needed. So a library may contain invalid
+/// expressions that no type needs.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Expression(Vec<Part>);
 
@@ -134,7 +134,7 @@ impl<'a> Values<'a> {
     }
 }
 
-/// The part of an expression that is not evaluated yet. It has at most [`MAX_TOKENS`] tokens, which bounds the recursion.
+/// The rest of an expression during its evaluation. It has at most [`MAX_TOKENS`] tokens, which bounds the recursion.
 /// `None` is a value that is no whole number.
 struct Rest<'a, 'v> {
     values: &'v mut Values<'a>,

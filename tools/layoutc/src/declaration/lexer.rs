@@ -19,7 +19,8 @@ pub(crate) enum Token<'a> {
     End,
 }
 
-/// A longer symbol comes before a shorter one that is its prefix.
+/// The symbols of the language. A longer symbol precedes a shorter one with which it begins, because the lexer takes
+/// the first match.
 const SYMBOLS: [&str; 26] = [
     ":=", "..", "=>", "<=", ">=", "<>", "**", ":", ";", ",", "(", ")", "[", "]", ".", "+", "-", "#", "*",
     "/", "=", "<", ">", "&", "^", "@",
@@ -38,7 +39,8 @@ pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: TextPosition,
     /// True if `(*` in a comment begins a nested comment, as in the third edition of the standard. Earlier editions do
-    /// not nest comments. The lexer assumes nested comments as long as every comment then has an end.
+    /// not nest comments. The lexer first assumes nested comments. If a comment then has no end, it assumes that
+    /// comments do not nest.
     nests: bool,
     /// The alignment of the last `{attribute 'pack_mode' := '1'}`, which applies to the next structure.
     pub pack: Option<u32>,

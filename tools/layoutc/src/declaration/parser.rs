@@ -292,8 +292,8 @@ impl<'a, 'd> Parser<'a, 'd> {
                 ty,
             }));
         }
-        // A member cannot have the attribute `pack_mode`. The attribute must not apply to the next structure, so it is
-        // dropped.
+        // The attribute `pack_mode` has no meaning at a member. It is dropped, so that it does not apply to the next
+        // structure.
         self.lexer.pack = None;
         self.advance()?;
         Ok(record)

@@ -106,7 +106,8 @@ fn specification(
     let ty = match tag.name.as_str() {
         "array" => array(xml, into, at, depth)?,
         "struct" => Type::Record(Record { members: members(xml, into, depth)?, ..Record::default() }),
-        // The elementary type in which the values are stored is optional in an enumeration.
+        // An enumeration may name the elementary type in which its values are stored. If it does not, it has no known
+        // size.
         "enum" => inner(xml, into, depth)?.unwrap_or(Type::Unsized("an enumeration")),
         "subrangeSigned" | "subrangeUnsigned" => {
             inner(xml, into, depth)?.ok_or((at, Wrong::NoType("subrange")))?

@@ -155,7 +155,8 @@ impl<'a> Sizes<'a> {
     /// # Errors
     /// Returns the errors of [`Sizes::size`].
     pub fn shape(&mut self, ty: TypeId) -> Result<Shape, DeclarationError> {
-        // If a type has a size, all its parts are known, and the type is finite.
+        // This returns an error for a type without a size. Otherwise, all parts of the type are known, and it does not
+        // contain itself.
         self.size(ty)?;
         let mut counts = Vec::new();
         let mut element = ty;

@@ -29,7 +29,8 @@ pub(crate) fn files(
             let mark = homes.is_marked(placement.home).then(|| mark(placement.declared));
             let mark = mark.as_deref();
             if home.view.is_some() {
-                // The family's structure defines the offsets of its registers.
+                // A structure with a view has no offsets of its own, because the family's structure defines them. So
+                // only its marks are written.
                 marks(document, home, placement, mark).ok_or_else(form)?;
                 continue;
             }
@@ -101,7 +102,8 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     }
 }
 
-/// True if the source is a decision that the library makes unnecessary. Facts from the manual keep their source.
+/// True if the source is a decision. The library states the fact, so the decision is no longer needed. A fact from the
+/// manual keeps its source.
 fn is_inferred(source: &Value) -> bool {
     source.as_str().is_some_and(|source| source.starts_with("inferred "))
 }

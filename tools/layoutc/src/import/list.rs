@@ -60,7 +60,7 @@ fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
         let (tail, lead) = split(value.decor().prefix()?.as_str()?);
         match lines.last_mut() {
             Some(line) => line.tail = tail.to_owned(),
-            // Text after the opening bracket stays at the bracket.
+            // Text between the opening bracket and the end of its line belongs to the bracket and not to an entry.
             None if !tail.is_empty() => return None,
             None => {}
         }

@@ -13,7 +13,8 @@ use std::ops::Range;
 pub(crate) struct Placement {
     /// Index of the list of registers in [`Homes::all`].
     pub home: usize,
-    /// Origin of the placement: the structure, or its member that has the sub-structure's type.
+    /// Part of the declaration that needs this placement: the structure, or its member that has the type of the
+    /// sub-structure.
     pub user: String,
     /// First byte and end of each entry; `None` for padding.
     pub places: Vec<Option<Range<u32>>>,
@@ -71,7 +72,8 @@ impl<'a> Matcher<'a> {
             let places = places.collect::<Result<Vec<_>, _>>()?;
             let end = places.iter().flatten().map(|place| place.end).max().unwrap_or_default();
             let declared = self.sizes.size(ty)?.next_multiple_of(4);
-            // The library may omit members that only the family's structure has.
+            // The family's structure may have registers that the library of this device does not have. So a structure
+            // with a view need not have the full size.
             let least = home.view.map_or(0, |_| home.size());
             let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);

@@ -70,7 +70,8 @@ impl Import {
         for index in homes.structures() {
             let name = homes.all[index].name();
             let Some(ty) = declarations.find_only(&called.of_structure(name))? else {
-                // The device has the structure under another name.
+                // The device has its own structure, under another name, for this structure of the family. That
+                // structure is imported instead.
                 if homes.is_viewed(index) {
                     continue;
                 }

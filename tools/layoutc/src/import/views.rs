@@ -1,4 +1,5 @@
-//! A structure that views a structure of the family: its declaration in the library places the registers of the family's structure.
+//! Structures with a view. The library declares such a structure of the device, and this declaration places the
+//! registers of the family's structure.
 
 use super::homes::{Homes, Table, called_there};
 use super::matching::Placement;

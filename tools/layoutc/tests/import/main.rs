@@ -266,7 +266,8 @@ fn shared_parts_must_have_equal_offsets_in_all_structures() {
     );
 }
 
-/// Promise 26: a tool of the vendor may drop the comment at the head of our export. Our fillers remain.
+/// Promise 26: a tool of the vendor may drop the comment at the head of an export of commram. The export is still
+/// recognized by its fillers.
 #[test]
 fn an_export_without_its_head_is_recognized_by_its_fillers() {
     let dir = fixture();

@@ -180,7 +180,8 @@ fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let mut end = 0;
     let filler = |text: &mut String, from: u32, to: u32| {
         if to > from {
-            // A filler without its offset in its name, unlike the fillers of our export.
+            // The name of the filler does not contain its offset, unlike in an export of commram. So the declarations
+            // count as those of a vendor.
             writeln!(text, "padding_0{from} : ARRAY[1..{}] OF BYTE;", to - from).unwrap();
         }
     };

@@ -8,8 +8,8 @@ from typing import Any
 
 from commram import Connection, Emulator
 
-# In the order of docs/reference/scenarios.md; without the verbs that take functions, or return values that only Python
-# can use.
+# The verbs in the order of docs/reference/scenarios.md. Verbs that take functions, or return values that only Python
+# can use, are left out.
 _VERBS = (
     "section",
     "peek",

@@ -47,7 +47,7 @@ class Registers:
         def close(self) -> None: ...
 
     _known_names: _names.Tree | None = None
-    # In plants of several PLCs these are prefixes of names.
+    # In a plant with several PLCs, the names of the PLCs are prefixes of the names of registers.
     _behind_first: str = ""
 
     def _tree(self) -> _names.Tree:
