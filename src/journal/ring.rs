@@ -47,7 +47,7 @@ impl RecordRing {
     /// Drops the oldest records until there is room for a line and its octets in a ring of `capacity` lines.
     #[inline]
     fn make_room(&mut self, capacity: usize) {
-        // The newest record is always kept, even a large one.
+        // The newest record is always kept, even if it alone exceeds the capacity.
         while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
             let dropped = self.lines.pop_front();
             while let (Some(line), Some(first)) = (&dropped, self.octets.front())
@@ -259,7 +259,7 @@ mod tests {
             (record_ring.lines.len(), record_ring.octets.len(), record_ring.octet_bytes),
             (1000, 0, 0)
         );
-        // The newest record is always kept, even a large one.
+        // The newest record is always kept, even if it alone exceeds the capacity.
         let mut small = Rings::new(1);
         (0..3).for_each(|_| note(&mut small, 255));
         assert_eq!(small.records(0).map(|it| (it.seq, it.octets.unwrap()[0])).collect::<Vec<_>>(), [(2, 2)]);

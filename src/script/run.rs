@@ -93,8 +93,10 @@ fn directory_of(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-/// Does the same as [`run_file`], and passes each section with its emulated time in microseconds to `sections` at once. A
-/// script that does not call `plant` gets `plant`, which the report calls by the name beside it.
+/// Does the same as [`run_file`], and passes each section with its emulated time in microseconds to `sections` at once.
+///
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name that
+/// is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_observed(
     file: &Path,
@@ -112,8 +114,10 @@ pub(crate) fn run_observed(
     run_on(file, stage, limits, print, engine_as_it_is)
 }
 
-/// Does the same as [`run_file`] under a debugger, which also stops where the scenario fails. A script that does not call
-/// `plant` gets `plant`, which the report calls by the name beside it.
+/// Does the same as [`run_file`] under a debugger, which also stops where the scenario fails.
+///
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name that
+/// is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_debugged(
     file: &Path,

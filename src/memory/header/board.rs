@@ -38,7 +38,7 @@ pub struct Program {
     /// Counts power-ons and resets of this PLC, from 1. The registers then have their start values, no event is
     /// enabled, and `OPT_INIT` may run again.
     pub restarts: Cell32,
-    /// The DIP number in effect: the switches as they were at the last power-on or reset.
+    /// The DIP number in effect, which is that of the switches at the last power-on or reset.
     pub dip_latched: Cell32,
 }
 
@@ -149,7 +149,7 @@ impl Program {
 pub struct BoardState {
     /// Present position of DIP switch S33.
     pub dip: u32,
-    /// The DIP number in effect: the switches as they were at the last power-on or reset.
+    /// The DIP number in effect, which is that of the switches at the last power-on or reset.
     pub dip_latched: u32,
     /// Value of the cell for the LEDs.
     pub leds: u32,

@@ -11,7 +11,7 @@ impl Bench {
     /// Waits until the register holds the value; returns the time waited, in microseconds.
     ///
     /// # Errors
-    /// The register does not get the value within this time. Also the errors of [`Bench::poke`].
+    /// The register does not get the value within this time. Also returns the errors of [`Bench::poke`].
     #[track_caller]
     pub fn wait(
         &mut self,
@@ -94,7 +94,7 @@ impl Bench {
     /// Expects that the register holds the value.
     ///
     /// # Errors
-    /// The register holds another value. Also the errors of [`Bench::poke`].
+    /// The register holds another value. Also returns the errors of [`Bench::poke`].
     #[track_caller]
     pub fn expect(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let at = Location::caller();

@@ -185,7 +185,8 @@ fn a_late_release_is_reported_with_its_delay() {
     }
 }
 
-/// Decision D-142: a program that releases one interval ahead, or occasionally, is not late.
+/// Decision D-142: A program that always releases one interval ahead is not late. A program that releases only now and
+/// then is not late either.
 #[test]
 fn working_ahead_and_pausing_are_not_late() {
     for rate in FASTEST {
