@@ -1,4 +1,5 @@
-//! A device with only a supply in its front panel. It has all parts that an ordinary device needs, except the firmware.
+//! A device with only a supply in its front panel. This module has all parts that an ordinary device needs,
+//! except the firmware.
 
 use super::program::Starts;
 use super::supply::Supply;
@@ -15,7 +16,8 @@ use crate::memory::{FirmwareHeader, Header, MemoryError, Segment};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 
-/// The firmware of a [`Plain`] device, except the firmware of its ports. A device without such firmware uses `()`.
+/// The firmware of a [`Plain`] device, except the firmware of its ports. `()` is for a device without such
+/// firmware.
 pub trait Firmware: SnapshotFields + Send + 'static {
     /// Called at power-on and at the end of a reset.
     fn start(&mut self, ctx: &mut Context) {
@@ -32,7 +34,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = (ctx, order);
     }
 
-    /// Runs a processor cycle: polls the registers that belong to no port.
+    /// Runs a processor cycle: polls the registers that do not belong to a port.
     fn look(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -57,13 +59,14 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// Returns the area with registers that keep their values at power-on and reset; NOVRAM stores the first structure
-    /// of the area.
+    /// Returns the area with registers that keep their values at power-on and reset. NOVRAM stores the first
+    /// structure of this area.
     fn kept(&self) -> Option<&'static Area> {
         None
     }
 
-    /// Returns the contents of NOVRAM, and a number that changes with them; empty if there is none.
+    /// Returns the contents of NOVRAM, and a number that changes with the contents. The contents are empty if
+    /// the device has no NOVRAM.
     fn novram(&self) -> (&[u8], u32) {
         (&[], 0)
     }
@@ -71,8 +74,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
-    /// Called at the start of a fault of the device itself, and in each processor cycle while the fault is active.
-    /// Returns the hit, if the fault fires.
+    /// Called at the start of a fault of the device itself, and in each processor cycle while the fault is
+    /// active. If the fault fires, returns the hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
@@ -83,7 +86,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = (now, faults, owner);
     }
 
-    /// Kinds of faults that the device declares itself; `None` if its registration has them.
+    /// Kinds of faults that the device itself declares. `None` if the registration of the device names them.
     fn fault_kinds(&self) -> Option<&'static [&'static FaultKind]> {
         None
     }
@@ -94,7 +97,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// True if the supply has power when it is switched on. Called at each poll.
+    /// True if the device gets power while its supply is switched on. Called at each poll.
     fn is_fed(&self) -> bool {
         true
     }
@@ -105,7 +108,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Events of the device, if it has any.
+    /// Events of the device; `None` if it has no events.
     fn events(&mut self) -> Option<&mut Events> {
         None
     }
@@ -125,8 +128,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// True if the firmware starts and stops a program of the device itself. Otherwise the program of a client runs
-    /// while the device is up.
+    /// True if the firmware starts and stops a program of the device itself. If false, the program of a
+    /// client runs while the device is up.
     fn starts_program(&self) -> bool {
         false
     }
@@ -138,9 +141,9 @@ impl Firmware for () {
     }
 }
 
-/// A device with registers, ports and a supply that can be switched off and on. At power-on and at a reset its
-/// registers get their reset values. Retain flags, if the layout has any, stay unchanged. The device has no switches
-/// and no events. The program of a client runs while the device is up.
+/// A device with registers, ports and a supply that can be switched off and on. At power-on and at a reset
+/// its registers get their reset values. Retain flags do not change, if the layout has any. The device has no
+/// switches and no events. The program of a client runs while the device is up.
 pub struct Plain<F> {
     index: DeviceIndex,
     name: String,
@@ -260,7 +263,7 @@ impl<F: Firmware> Front for Plain<F> {
 impl<F: Firmware> Device for Plain<F> {
     fn start(&mut self, ctx: &mut Context) {
         self.supply.start(ctx, &self.face);
-        // The registers were accessible when the device was built.
+        // The registers were accessible when the device was built, so this cannot fail.
         let _ = self.reset_registers();
         self.firmware.start(ctx);
         if !self.firmware.starts_program()
@@ -353,7 +356,7 @@ impl<F: Firmware> Faulty for Plain<F> {
 mod tests {
     use super::*;
 
-    /// Each default is the value that [`Firmware`] documents.
+    /// The default of each function is the value that [`Firmware`] documents.
     #[test]
     fn firmware_defaults_are_empty() {
         let mut none = ();

@@ -1,7 +1,8 @@
 //! The running segment.
 //!
-//! Times on the line are exact to one bit. The firmware of the stations runs at whole microseconds, like all firmware
-//! in a plant. Events within a microsecond are handled in their order, at the end of this microsecond.
+//! Times on the line are exact to one bit. The firmware of the stations runs at whole microseconds, like all
+//! firmware in a plant. Events within a microsecond are handled in their order at the end of this
+//! microsecond.
 
 use super::FAMILY;
 use super::config::ProfibusConfig;
@@ -61,11 +62,11 @@ impl BusPort {
     }
 }
 
-/// A request that was sent, while the line is reserved for its answer.
+/// A request that was sent. The line is reserved for the answer to it.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct PendingAnswer {
     sender: usize,
-    /// Bit time until which no other station sends a request.
+    /// Bit time until which no other station may send a request.
     until: u64,
 }
 
@@ -78,7 +79,7 @@ enum LineStep {
     Alarm(usize),
     /// The sender with this index begins to send.
     Begin(usize),
-    /// The telegram with this index, which a fault has held back, begins.
+    /// A telegram that a fault has held back begins. The field is the index of the telegram.
     Held(usize),
 }
 
@@ -98,7 +99,7 @@ pub(crate) struct ProfibusBus {
     receivers_of_traffic: TrafficReceivers,
     /// Telegrams that faults hold back.
     pub(super) held: Vec<HeldTelegram>,
-    /// The request that waits for its answer; the line is reserved for the answer.
+    /// The request that waits for its answer. The line is reserved for this answer.
     asked: Option<PendingAnswer>,
     next: u64,
 }
@@ -149,10 +150,11 @@ impl ProfibusBus {
         let exact = self.guests.next_exact().map(|(at, participant)| (at, LineStep::Begin(participant)));
         let held = self.next_held().map(|(at, index)| (at, LineStep::Held(index)));
         let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).chain(held).min();
-        // A request waits while a station sends or is about to answer.
+        // A request must wait while a station is sending or will soon answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
-        // A request also waits while another sender waits for an answer. An answer does not wait for this.
+        // A request must also wait while another sender waits for an answer. An answer need not wait for
+        // this.
         let kept = |participant| {
             self.asked.filter(|asked| asked.sender != participant).map_or(0, |asked| asked.until)
         };
@@ -167,7 +169,7 @@ impl ProfibusBus {
         step.into_iter().chain(requests).chain(of_guests).min()
     }
 
-    /// Notifies the port at `place` and all other ports that answer at the same address.
+    /// If other ports answer at the address of the port at `place`, notifies this port and the other ports.
     fn judge_address(&mut self, place: usize, now: u64, journal: &mut Journal) {
         let address = |end: &BusPort| {
             let presence = end.port.presence().filter(|presence| end.is_on && presence.answers);
@@ -196,7 +198,7 @@ impl ProfibusBus {
         self.next = of_ports.min(of_line).max(now);
     }
 
-    /// Performs one due step on the line; returns whether there was one.
+    /// Performs one due step on the line. Returns true if a step was due.
     fn line_event(&mut self, world: &mut World) -> bool {
         let now = world.now;
         let due = |at: &u64| *at <= self.rate.bits_at(now);
@@ -230,7 +232,8 @@ impl ProfibusBus {
         true
     }
 
-    /// Reports a guest's telegram that begins too soon after the previous one. Ports always keep the pause.
+    /// Reports a guest's telegram that begins too soon after the previous telegram. Ports are not checked,
+    /// because they always keep the pause.
     fn judge_pause(&self, sender: usize, at: u64, octets: &[u8], now: u64, journal: &mut Journal) {
         let (Some(guest), Some(since @ 1..)) = (guest_of(sender), self.line.idle_since()) else { return };
         let needed = match Telegram::parse(octets) {
@@ -246,7 +249,7 @@ impl ProfibusBus {
         }
     }
 
-    /// Gives the telegram that has ended to the journal, the guests and the ports.
+    /// Passes a telegram that has ended to the journal, the guests and the ports.
     fn deliver(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, passage, .. } = *sending;
         let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
@@ -264,7 +267,7 @@ impl ProfibusBus {
         }
     }
 
-    /// Gives a telegram that has ended to the guests and to the journal.
+    /// Passes a telegram that has ended to the guests and to the journal.
     fn record(&mut self, now: u64, sending: &Sending, telegram: Option<&Telegram>, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
         match telegram {
@@ -277,12 +280,13 @@ impl ProfibusBus {
             Some(Telegram::Token { sa, .. }) => self.guests.note_address(sender, *sa),
             _ => {}
         }
-        // Guests do not receive octets from a collision.
+        // Guests do not receive the octets of a collision.
         if !is_garbled {
             let burst = || BusMessage::Burst(Burst { begin: sending.begin, octets: sending.octets.clone() });
             self.receivers_of_traffic.send(now, guest_of(sender), burst);
         }
-        // Noise is not recorded here, because the journal has the hit of the fault that makes it.
+        // Noise is not recorded here, because the journal already has the hit of the fault that has made the
+        // noise.
         if sender == NOISE {
             return;
         }
@@ -433,7 +437,8 @@ impl Bus for ProfibusBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
-        // Events on the line come first: they were due before the end of the microsecond.
+        // Events on the line were due before the end of the microsecond. So they are handled before the
+        // events of the ports.
         if !self.line_event(world) {
             let bits = self.rate.bits_at(now);
             for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {
@@ -509,7 +514,8 @@ impl BusGuests for ProfibusBus {
 }
 
 impl Faulty for ProfibusBus {
-    /// Makes noise. Faults of telegrams act when a telegram begins; the faults of ports belong to their devices.
+    /// Applies a fault that makes noise. All other faults are applied elsewhere: faults of telegrams when a
+    /// telegram begins, and faults of ports in their devices.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         if let (Target::Bus(_), Some(faults::Effect::Noise(octets))) = (target, effect.get()) {
             self.make_noise(*octets, now);

@@ -19,13 +19,14 @@ pub(crate) struct ProfibusConfig {
     pub name: String,
     /// Bit rate of the PROFIBUS segment.
     pub rate: BusRate,
-    /// Factor for the slot time, the time for which the line is reserved for an answer, 1 to 10000 (decision D-358).
+    /// Factor for the slot time, 1 to 10000 (decision D-358). The line is reserved for an answer during the
+    /// slot time.
     pub slot_factor: u32,
     /// Doors to the PROFIBUS segment that are open from the start.
     pub doors: Vec<DoorSpec>,
 }
 
-/// Highest slot factor: almost a second at 12 Mbit/s.
+/// Highest slot factor. With it, the slot time is almost a second at 12 Mbit/s.
 const MAX_SLOT_FACTOR: u32 = 10_000;
 /// Slot factor without the key.
 const DEFAULT_SLOT_FACTOR: u32 = 1;
@@ -100,7 +101,7 @@ impl ProfibusConfig {
 
 /// Returns the PROFIBUS rate of `kbit_s` kbit/s.
 fn rate(kbit_s: f64) -> Option<BusRate> {
-    // The decimal fraction in the file has no exact binary value.
+    // The decimal fraction in the file may have no exact binary value, so a small difference is allowed.
     BusRate::ALL.into_iter().find(|rate| (f64::from(rate.bit_s()) - kbit_s * 1000.0).abs() < 1e-6)
 }
 
@@ -117,7 +118,8 @@ impl BusSection for ProfibusConfig {
         &self.doors
     }
 
-    /// The addresses of the ports come from switches, which are read at power-on and can be turned before.
+    /// Switches set the addresses of the ports. They are read at power-on, and users can turn them before
+    /// that.
     fn refuses_equal_numbers(&self) -> bool {
         false
     }

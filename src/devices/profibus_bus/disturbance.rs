@@ -1,5 +1,5 @@
-//! Effects of injected faults on the telegrams of a PROFIBUS segment. None of this code runs without a fault, except
-//! that delayed and repeated telegrams still come after the end of their fault.
+//! Effects of injected faults on the telegrams of a PROFIBUS segment. None of this code runs without a fault,
+//! with one exception: delayed and repeated telegrams begin even if their fault has ended in the meantime.
 
 use super::ProfibusBus;
 use super::faults::{Effect, TelegramEffect, Traits};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Sender number of noise on the line.
 pub(super) const NOISE: usize = 1 << 17;
 
-/// An octet with which no telegram can begin.
+/// An octet with which no telegram begins.
 const NOISE_OCTET: u8 = 0x55;
 
 /// Frame count bit in a function code.
@@ -21,7 +21,7 @@ const FCB: u8 = 0x20;
 /// A telegram that a fault holds back.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct HeldTelegram {
-    /// Bit time at which it begins, even if the line is busy.
+    /// Bit time at which the telegram begins, even if the line is busy.
     pub at: u64,
     pub sender: usize,
     pub octets: Vec<u8>,
@@ -40,7 +40,7 @@ struct Disturbance {
 }
 
 impl Disturbance {
-    /// Adds an effect; returns false if it does not apply to the telegram.
+    /// Adds an effect. Returns false if the telegram cannot have this effect.
     fn take(&mut self, effect: TelegramEffect, seen: &Traits) -> bool {
         match effect {
             _ if self.is_lost || self.delay_us.is_some() => return false,
@@ -64,7 +64,7 @@ fn count_wrong(octets: &[u8]) -> Option<Vec<u8>> {
     Telegram::Frame(frame).octets().ok()
 }
 
-/// Inverts a bit: in the check sum, or in the start delimiter of a telegram without a check sum.
+/// Inverts a bit: a bit of the check sum, or of the start delimiter if the telegram has no check sum.
 fn garble(octets: &mut [u8]) {
     let place = if octets.len() > 3 { octets.len() - 2 } else { 0 };
     if let Some(octet) = octets.get_mut(place) {

@@ -34,14 +34,15 @@ pub(super) struct Traits {
     /// Address of the sender, if it is known.
     pub station: Option<u8>,
     is_answer: Option<bool>,
-    /// Service access point of the station that answers.
+    /// Service access point of the station that must answer, or that answers.
     sap: Option<u8>,
     /// True if the telegram is a request with a valid frame count bit.
     pub has_frame_count: bool,
 }
 
 impl Traits {
-    /// Facts about a telegram; `station` is the address of its sender if the octets do not have it.
+    /// Returns the facts about a telegram. `station` is the address of the sender, if the octets do not
+    /// contain it.
     pub(super) fn of(octets: &[u8], station: Option<u8>) -> Self {
         match Telegram::parse(octets) {
             Ok(Telegram::Frame(frame)) => {
@@ -61,7 +62,7 @@ impl Traits {
     }
 }
 
-/// Selection of the telegrams that a fault concerns. All given criteria must match.
+/// Selection of the telegrams that a fault affects. A telegram must match all criteria that are given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::devices) struct Telegrams {
     station: Option<u32>,
@@ -78,7 +79,7 @@ impl Telegrams {
         }
     }
 
-    /// True if the fault concerns a telegram with these traits.
+    /// True if the fault affects a telegram with these properties.
     pub(super) fn include(&self, seen: &Traits) -> bool {
         let agrees =
             |wanted: Option<u32>, seen: Option<u8>| wanted.is_none() || wanted == seen.map(u32::from);

@@ -1,4 +1,5 @@
-//! Guests on a PROFIBUS segment: foreign programs that send octets and receive those of other stations.
+//! Guests on a PROFIBUS segment. They are foreign programs that send octets, and receive the octets of other
+//! stations.
 //!
 //! A guest receives a telegram at its end, and its program needs time to answer. A guest can give a bit time for its
 //! telegram. Otherwise the telegram waits until the line has been idle for the time that the standard requires
@@ -12,14 +13,14 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Most waiting telegrams of a guest; further telegrams wait at its door.
+/// Maximum number of telegrams of a guest that wait here. Further telegrams wait at the guest's door.
 const ROOM: usize = 64;
 
-/// Longest time in microseconds by which the bit time of a telegram may lie in the future. A longer wait would delay
-/// all later telegrams of the guest (decision D-677).
+/// Maximum time in microseconds by which the bit time of a telegram may be in the future. A longer wait would
+/// delay all later telegrams of the guest (decision D-677).
 const MOST_AHEAD_US: u64 = 60_000_000;
 
-/// Sender numbers on the line from this number on are guests.
+/// Senders on the line with this number or a higher number are guests.
 const FIRST: usize = 1 << 16;
 
 /// Returns the guest number of a sender, if the sender is a guest.
@@ -37,9 +38,11 @@ pub(super) fn sender_of(number: u8) -> usize {
 enum BeginCondition {
     /// The telegram begins at its bit time, even if the line is busy.
     Time,
-    /// The telegram begins as an answer: the line is reserved for it, and has been idle for the shortest T_SDR.
+    /// The telegram begins as an answer: the line is reserved for it, and has been idle for the shortest
+    /// T_SDR.
     Answer,
-    /// The line has been idle for T_SYN and is not reserved for another sender.
+    /// The telegram begins as a request: the line has been idle for T_SYN and is not reserved for another
+    /// sender.
     Request,
 }
 
@@ -53,8 +56,8 @@ struct WaitingTelegram {
 }
 
 impl WaitingTelegram {
-    /// Returns the start on a line that has been idle since `since` and is reserved for others until `kept`; `None` if
-    /// the start is at a fixed time.
+    /// Returns the start of the telegram on a line that has been idle since `since` and is reserved for other
+    /// senders until `kept`. `None` if the telegram has a fixed time.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {
             BeginCondition::Time => None,
@@ -110,7 +113,7 @@ impl Guests {
         is_new
     }
 
-    /// Removes a guest, and its telegrams for a time later than bit time `now`.
+    /// Removes a guest, and those of its telegrams that have a bit time later than `now`.
     pub(super) fn leave(&mut self, number: u8, now: u64) {
         self.give_up_later(number, now);
         if let Some(guest) = self.get(number) {
@@ -119,14 +122,14 @@ impl Guests {
         self.0.retain(|it| !it.is_leaving || !it.queue.is_empty());
     }
 
-    /// Removes the guest's telegrams for a time later than bit time `now`.
+    /// Removes those of the guest's telegrams that have a bit time later than `now`.
     pub(super) fn give_up_later(&mut self, number: u8, now: u64) {
         if let Some(guest) = self.get(number) {
             guest.queue.retain(|waiting| waiting.from <= now);
         }
     }
 
-    /// Queues a telegram of a guest, to begin at bit time `now` or later, on a line of this rate.
+    /// Queues a telegram of a guest. The telegram begins at bit time `now` or later, on a line of this rate.
     pub(super) fn enqueue(
         &mut self,
         number: u8,
@@ -160,7 +163,7 @@ impl Guests {
         self.0.iter().filter(|it| !it.is_leaving).map(|it| (it.number, it.address))
     }
 
-    /// Returns the next telegram with a given bit time: the bit time and the sender.
+    /// Returns the bit time and the sender of the next telegram with a fixed bit time.
     pub(super) fn next_exact(&self) -> Option<(u64, usize)> {
         let exact = |it: &BusGuest| {
             it.queue
@@ -171,8 +174,9 @@ impl Guests {
         self.0.iter().filter_map(|it| Some((exact(it)?, sender_of(it.number)))).min()
     }
 
-    /// Returns the next telegram that would begin on a line idle since this bit time: the bit time and the
-    /// sender. `kept` returns the bit time until which the line is reserved for others than a sender.
+    /// Returns the bit time and the sender of the next telegram that would begin if the line stays idle from
+    /// bit time `since` on. `kept` returns the bit time until which the line is reserved for senders other
+    /// than the given one.
     pub(super) fn next_idle(&self, since: u64, kept: impl Fn(usize) -> u64) -> Option<(u64, usize)> {
         let of = |it: &BusGuest| {
             let (waiting, sender) = (it.queue.front()?, sender_of(it.number));
@@ -181,10 +185,10 @@ impl Guests {
         self.0.iter().filter_map(of).min()
     }
 
-    /// Takes the octets that this guest sends now.
+    /// Removes and returns the octets that this guest sends now.
     pub(super) fn take(&mut self, sender: usize) -> Option<Vec<u8>> {
         let number = guest_of(sender)?;
-        // If two guests have this number, the first one is about to leave.
+        // If two guests have this number, the first one has disconnected and still has telegrams to send.
         let guest = self.0.iter_mut().find(|it| it.number == number && !it.queue.is_empty())?;
         let telegram = guest.queue.pop_front();
         self.0.retain(|it| !it.is_leaving || !it.queue.is_empty());
@@ -192,7 +196,8 @@ impl Guests {
     }
 }
 
-/// Returns the condition under which these octets begin. Octets that are not a telegram wait as long as a request.
+/// Returns the condition under which these octets begin. Octets that are not a telegram have the condition of
+/// a request.
 fn begin_condition(octets: &[u8]) -> BeginCondition {
     let is_answer = match Telegram::parse(octets) {
         Ok(Telegram::ShortAck) => true,

@@ -12,19 +12,20 @@ use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 use serde::{Deserialize, Serialize};
 
-/// Properties of a station that are visible to others.
+/// Properties of a station that other stations and users can see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Presence {
     /// Address, 0 to 126.
     pub address: u8,
-    /// Activity of the station, in one word with underscores: `data_exchange`.
+    /// Activity of the station, as a name with underscores: `data_exchange`.
     pub does: &'static str,
-    /// True if the station answers requests to its address, so that no other station may have this address.
+    /// True if the station answers requests to its address. Then no other station may have this address.
     pub answers: bool,
 }
 
-/// Firmware of a device's port on PROFIBUS. The bus reports events on the line at once. Before each call it sets the time
-/// of the [`Station`], which is counted in bits. All other times of the firmware are in microseconds of emulated time.
+/// Firmware of a device's port on PROFIBUS. The bus notifies it of events on the line at once. Before each
+/// call the bus sets the time of the [`Station`], which is in bit times. All other times of the firmware are
+/// in microseconds of emulated time.
 pub(crate) trait ProfibusPort: Send + SnapshotFields {
     /// Called when the device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
@@ -34,7 +35,7 @@ pub(crate) trait ProfibusPort: Send + SnapshotFields {
     /// Called when the device stops. The station is reset.
     fn power_off(&mut self) {}
 
-    /// Returns the properties of the station that others can see; `None` while it has no address.
+    /// Returns the properties that other stations and users can see; `None` while the station has no address.
     fn presence(&self) -> Option<Presence> {
         None
     }
@@ -47,7 +48,8 @@ pub(crate) trait ProfibusPort: Send + SnapshotFields {
     /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, station: &mut Station);
 
-    /// True if the program has written a register that the firmware must answer and has not polled yet.
+    /// True if the program has written a register that the firmware must answer, and the firmware has not
+    /// polled this register yet.
     fn has_changed(&self) -> bool {
         false
     }
@@ -70,13 +72,14 @@ pub(crate) trait ProfibusPort: Send + SnapshotFields {
         u64::MAX
     }
 
-    /// Handles the events that are due at `ctx.now`. Afterwards [`next_time`](ProfibusPort::next_time) must be later.
+    /// Handles the events that are due at `ctx.now`. After the call, [`next_time`](ProfibusPort::next_time)
+    /// must be later.
     fn due(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns the hit,
-    /// if the fault has hit.
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. If the
+    /// fault has an effect, returns the hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
@@ -98,9 +101,9 @@ pub(crate) struct ProfibusSocket {
 /// A telegram that a station is about to send.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Intent {
-    /// Begins at this bit time, even if the line is busy.
+    /// The telegram begins at this bit time, even if the line is busy.
     At(u64, Vec<u8>),
-    /// Begins from this bit time on, as soon as the line has been idle for T_SYN.
+    /// The telegram begins at this bit time or later, as soon as the line has been idle for T_SYN.
     WhenIdle(u64, Vec<u8>),
 }
 
@@ -112,7 +115,7 @@ impl Intent {
     }
 }
 
-/// A station: the telegram that it is about to send, and an alarm in bit times.
+/// A station. It consists of the telegram that it will send next, and of an alarm in bit times.
 #[derive(Debug)]
 pub(crate) struct Station {
     slot_bits: u64,
@@ -129,7 +132,8 @@ impl Station {
         Station { slot_bits, now: 0, intent: None, alarm: None }
     }
 
-    /// Returns the time within which an answer must begin on the PROFIBUS segment, in bit times.
+    /// Returns the slot time of the PROFIBUS segment: the time within which an answer must begin, in bit
+    /// times.
     pub(crate) fn slot_bits(&self) -> u64 {
         self.slot_bits
     }
@@ -141,7 +145,7 @@ impl Station {
 
     /// Sends `telegram` as an answer, `after_bits` bit times from now.
     pub(crate) fn answer(&mut self, after_bits: u64, telegram: &Telegram) {
-        // The port does not send a telegram above the maximum length.
+        // The port never sends a telegram above the maximum length, so there is always an intent.
         self.intent =
             telegram.octets().ok().map(|octets| Intent::At(self.now.saturating_add(after_bits), octets));
     }
@@ -151,7 +155,7 @@ impl Station {
         self.intent = telegram.octets().ok().map(|octets| Intent::WhenIdle(self.now, octets));
     }
 
-    /// Cancels the telegram that the station is about to send.
+    /// Cancels the telegram that the station would send next.
     pub(crate) fn withdraw(&mut self) {
         self.intent = None;
     }
@@ -166,7 +170,7 @@ impl Station {
     }
 }
 
-/// A station without a PROFIBUS segment, for tests with their own line.
+/// A station that is not on a PROFIBUS segment, for tests with their own line.
 #[cfg(test)]
 impl Station {
     pub(crate) fn alone(rate: BusRate) -> Self {
@@ -178,7 +182,7 @@ impl Station {
         self.now = bits;
     }
 
-    /// Takes the answer that the station is about to send.
+    /// Removes and returns the answer that the station would send next.
     pub(crate) fn intended(&mut self) -> Option<(u64, Vec<u8>)> {
         match self.intent.take()? {
             Intent::At(at, octets) => Some((at, octets)),

@@ -70,13 +70,14 @@ impl DpTelegram {
         (self.unit >> 16) as usize
     }
 
-    /// True if the telegram has octets that the event does not contain, or a form that [`Telegram::octets`] does not
-    /// produce.
+    /// True if the telegram has octets that the event does not contain, or if its form differs from that of
+    /// [`Telegram::octets`].
     pub(super) fn lacks(&self, octets: &[u8]) -> bool {
         self.octets() > self.first.to_le_bytes().len() || self.octets_on_line() != octets.len()
     }
 
-    /// Returns the telegram, with the octets of its record, or with the data that the event has.
+    /// Returns the telegram. Its data are the octets of its record, or otherwise the octets that the event
+    /// contains.
     fn frame(&self, octets: Option<&[u8]>) -> Frame {
         if let Some(Ok(Telegram::Frame(frame))) = octets.map(Telegram::parse) {
             return frame;
@@ -86,8 +87,8 @@ impl DpTelegram {
         Frame { da, sa, fc, dsap, ssap, data }
     }
 
-    /// Returns the number of octets on the line, including header and trailer, which are shorter in a telegram without
-    /// data.
+    /// Returns the number of octets on the line, including header and trailer. Header and trailer are shorter
+    /// in a telegram without data.
     pub(super) fn octets_on_line(&self) -> usize {
         match self.octets() + self.saps().into_iter().flatten().count() {
             0 => 6,

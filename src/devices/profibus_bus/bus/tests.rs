@@ -1,4 +1,5 @@
-//! A PROFIBUS segment without ports: busy time and restored requests.
+//! Tests a PROFIBUS segment without ports: the time for which the line is busy, and requests that a snapshot
+//! restores.
 
 use super::*;
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
@@ -32,7 +33,8 @@ fn the_line_is_busy_for_as_long_as_the_octets_take() {
     }
 }
 
-/// A snapshot that waits for the answer to a sender without a port is damaged.
+/// A snapshot contains a request that waits for its answer. If the sender of the request has no port, the
+/// snapshot is damaged.
 #[test]
 fn a_snapshot_that_waits_for_a_missing_sender_is_refused() {
     for sender in [0, 1, 200] {
