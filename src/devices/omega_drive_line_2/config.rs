@@ -26,28 +26,29 @@ pub struct PlcConfig {
     /// DIP switch S33, 0..=31: the slave number of node 1.
     #[serde(default)]
     pub dip: u8,
-    /// Name of the bus at node 1, on which this PLC is a slave.
+    /// Name of the bus at node 1. The PLC is a slave on this bus.
     pub node1: Option<String>,
-    /// Name of the bus at node 2, of which this PLC is the master.
+    /// Name of the bus at node 2. The PLC is the master of this bus.
     pub node2: Option<String>,
     /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
-    /// Emulated time without SYNC signal that ends the lock, in us, 1 to one hour. If it is omitted: two and a half
-    /// intervals ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
+    /// Emulated time without SYNC signal that ends the lock, in us, from 1 us to one hour. If it is omitted:
+    /// two and a half intervals ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
     pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; `None` without such a card.
     pub option_sync_us: Option<u32>,
-    /// The drive at the other end of the BAPS.
+    /// The drive that is connected through the BAPS.
     #[serde(default)]
     pub drive: BuiltInDriveConfig,
     /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
     #[serde(default = "default_ethernet_mbit")]
     pub ethernet_mbit: u16,
-    /// The project in the PLC at the first power-on (default: none).
+    /// The project in the PLC at the first power-on. By default there is no project.
     #[serde(default)]
     pub project: ProjectConfig,
-    /// Number of retain flags in bytes, 4..=57344 and divisible by 4: `%MB10000000` and up (default 20000; p. 42).
+    /// Number of retain flags in bytes, 4..=57344 and divisible by 4. The retain flags begin at `%MB10000000`
+    /// (default 20000 bytes; p. 42).
     #[serde(default = "default_retain_bytes")]
     pub retain_bytes: u32,
 }
@@ -60,9 +61,9 @@ pub enum ProjectConfig {
     /// No project, until a program loads one.
     #[default]
     None,
-    /// A boot project: it survives power-off and reset.
+    /// A boot project. Power-off and reset do not delete it.
     Boot,
-    /// A project that was only sent: the next power-off or reset loses it.
+    /// A project that was sent, but is not a boot project. The next power-off or reset loses it.
     Sent,
 }
 
@@ -132,7 +133,7 @@ impl DeviceConfig for PlcConfig {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());
             return Err(SettingError { what: "retain_bytes", name, value, right }.into());
         }
-        // Checks that only the drive itself can make.
+        // The drive itself checks the other settings when it is created.
         BuiltInDrive::new(&self.name, &self.drive)?;
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Demonstration of the Omega Drive-Line II for `commram demo`: its node 2 as master (manual
+//! Demonstration of the Omega Drive-Line II for `commram demo`. Its node 2 is a CANsync master (manual
 //! 5.00005.03a).
 
 use super::registers::{BAUD_RATES, DEVICE};

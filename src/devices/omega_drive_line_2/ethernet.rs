@@ -1,8 +1,8 @@
 //! Ethernet configuration: the IP address of the board (manual 5.00005.03a p. 75-82).
 //!
-//! The registers of `ETHERNET_CONFIG_BMSTRUCT` are in NOVRAM, and their contents at power-on are used. Later, a write
-//! to `d_IP_CONFIG` (p. 78) stores address and mask. The firmware detects the write by the changed register (decision
-//! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
+//! The registers of `ETHERNET_CONFIG_BMSTRUCT` are in NOVRAM, and their contents at power-on are used. Later,
+//! a write to `d_IP_CONFIG` (p. 78) stores address and mask. The firmware detects this write because the
+//! value of the register changes (decision D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
 
 use crate::devices::Context;
 use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
@@ -18,14 +18,14 @@ use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
 
-/// The address at delivery, to which the DIP number is added, and its mask (p. 80).
+/// The base address at delivery, and its mask. The DIP number is added to the address (p. 80).
 const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr::new(255, 255, 255, 0));
 
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
 pub(crate) type Stored = [u8; ETHERNET_CONFIG_BYTES];
 
-/// Returns the address and mask that follow from a configuration and the DIP number; `None` if the last byte would be
-/// 0, 255 or more, which is not allowed for devices (p. 79-80).
+/// Returns the address and mask for a configuration and the DIP number. `None` if the last byte of the
+/// address would be 0, 255 or more, because devices must not have such an address (p. 79-80).
 pub(crate) fn effective(
     ip_config: u32,
     address: Ipv4Addr,
@@ -38,7 +38,7 @@ pub(crate) fn effective(
         _ => (DELIVERY.0, DELIVERY.1, dip),
     };
     let [a, b, c, d] = base.octets();
-    // A base address that is not allowed itself can become valid when the DIP number is added.
+    // The base address need not be allowed itself: it can become allowed when the DIP number is added.
     let last = d.checked_add(add).filter(|last| !matches!(last, 0 | 255))?;
     Some((Ipv4Addr::new(a, b, c, last), mask))
 }
@@ -66,7 +66,8 @@ impl SnapshotFields for Ethernet {
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored: Stored;
         (self.dip, stored, self.seen) = from.value()?;
-        // The number is increased, because the file of NOVRAM has the previous contents.
+        // The change of the number makes the emulator write the NOVRAM file again. The file still has the
+        // values from before the restoration.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored = stored;
         Ok(())
@@ -90,7 +91,8 @@ impl Ethernet {
         })
     }
 
-    /// Called at power-on or at the end of a reset, when the DIP number was read: the contents of NOVRAM apply.
+    /// Called at power-on or at the end of a reset, when the DIP number has been read. The contents of NOVRAM
+    /// take effect.
     pub(crate) fn power_on(&mut self, ctx: &mut Context, dip: u8) {
         self.dip = dip;
         self.keep();
@@ -100,7 +102,8 @@ impl Ethernet {
         }
     }
 
-    /// Called at power-off: NOVRAM keeps its contents, and the interface shows nothing.
+    /// Called at power-off. Stores the registers in NOVRAM, and clears the diagnosis registers of the
+    /// interface.
     pub(crate) fn power_off(&mut self) {
         self.keep();
         self.diagnose.reset_from(0);
@@ -127,7 +130,7 @@ impl Ethernet {
         self.watched() == self.seen
     }
 
-    /// Polls the two registers that take effect at once.
+    /// Polls the two registers with values that take effect at once.
     #[inline]
     pub(crate) fn look(&mut self, ctx: &mut Context) {
         if !self.poll_changes_nothing() {
@@ -135,8 +138,8 @@ impl Ethernet {
         }
     }
 
-    /// Called when `d_IP_CONFIG` or `d_ROUTER` was written. Stores everything, or restores address and choice if the
-    /// address is not allowed.
+    /// Called when `d_IP_CONFIG` or `d_ROUTER` was written. If the address is allowed, stores all values.
+    /// Otherwise restores the address and the choice of the address.
     #[cold]
     pub(crate) fn take(&mut self, ctx: &mut Context) {
         let new = self.registers();
@@ -166,7 +169,7 @@ impl Ethernet {
 
     fn registers(&self) -> Stored {
         let mut bytes = Stored::default();
-        // This cannot fail: source and destination are arrays of one size by their definitions.
+        // Source and destination are arrays of equal size by definition, so the copy cannot fail.
         let _ = self.config.snapshot().write_to(&mut bytes);
         bytes
     }
@@ -180,7 +183,7 @@ impl Ethernet {
         self.config.d_IP_CONFIG.store(config);
     }
 
-    /// Shows the address in use; returns whether there is a valid address.
+    /// Shows the address in use. Returns true if there is a valid address.
     fn show(&self, refused: bool) -> bool {
         let Some((config, address, mask, router)) = parts(&self.stored) else { return false };
         let found = effective(config, address, mask, self.dip);

@@ -1,4 +1,5 @@
-//! Exercises for `commram soak`: a master and a slave of CANsync with drives, and the drive at the BAPS.
+//! Exercises for `commram soak`. In one, a master and a slave of CANsync have drives. Another one uses the
+//! drive at the BAPS.
 
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::{Exercise, Move, Wrong};

@@ -5,7 +5,8 @@ use crate::fault::{self, Fault, FaultKind, Faults, Field, Form, Hit, Owner, Targ
 use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 
-/// Maximum delay of a drive at the BAPS, in emulated microseconds: longer than the function blocks wait.
+/// Maximum delay of a drive at the BAPS, in emulated microseconds. It is longer than the monitoring times of
+/// the function blocks.
 pub(crate) const MAX_SLOWNESS_US: u32 = 60_000_000;
 
 /// Fault of the drive.
@@ -15,7 +16,7 @@ pub(super) enum Effect {
     Trip(u16),
     /// The drive ignores its tasks at the BAPS.
     Silent,
-    /// The drive takes commands late by the given number of microseconds, 1 to [`MAX_SLOWNESS_US`].
+    /// The drive takes commands the given number of microseconds later, 1 to [`MAX_SLOWNESS_US`].
     Slow(u32),
 }
 
@@ -68,7 +69,8 @@ static SLOW: FaultKind = FaultKind::new(
 /// All kinds of faults of the device.
 pub(crate) static KINDS: &[&FaultKind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
-/// Speed of the drive at its BAPS; a silent drive is never slow.
+/// Returns when the drive takes a command at its BAPS. A silent drive takes no command, so it cannot also be
+/// slow.
 #[inline]
 pub(super) fn pace(
     faults: &mut Faults,

@@ -29,7 +29,7 @@ use crate::snapshot_fields;
 /// Numbers of the two ports.
 pub(super) const SLAVE: PortNumber = PortNumber(1);
 pub(super) const MASTER: PortNumber = PortNumber(2);
-/// Number of the BAPS among the ports in records. The BAPS is not a port.
+/// Number that records use for the BAPS instead of a port number. The BAPS is not a port.
 const BAPS_NODE: PortNumber = PortNumber::DEVICE;
 
 /// Location of the registers of the node at `port`.
@@ -53,7 +53,7 @@ pub struct Plc {
 snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
 
 impl Plc {
-    /// Creates device number `index` of the plant, and its ports, which are not plugged in yet.
+    /// Creates device number `index` of the plant, and its ports. The ports are not connected yet.
     pub(crate) fn new(
         index: DeviceIndex,
         config: &PlcConfig,
@@ -77,7 +77,7 @@ impl Plc {
             }),
         };
         let slave = SocketRole::Slave { number: config.dip, lock };
-        // If node 1 and node 2 were on one bus, node 2 would wait for the signal that it must generate itself.
+        // If node 1 and node 2 were on one bus, node 2 would wait for a signal that it must itself generate.
         let has_sync_in = config.node1.is_some() && config.node1 != config.node2;
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),
@@ -96,7 +96,7 @@ impl Plc {
         Ok((device, ports))
     }
 
-    /// Returns the number set at the DIP switches, 0..=31, as read at the last power-on or reset.
+    /// Returns the number that the DIP switches had at the last power-on or reset, 0..=31.
     pub fn dip(&self) -> u8 {
         self.board.dip()
     }
@@ -115,7 +115,7 @@ impl Plc {
         details
     }
 
-    /// The trigger controller is part of the drive.
+    /// Passes a pulse of the trigger controller to the drive. The trigger controller is a part of the drive.
     #[inline]
     fn pass_trigger(&mut self, now: u64) {
         if self.board.take_controller_pulse() {
@@ -123,7 +123,7 @@ impl Plc {
         }
     }
 
-    /// Runs a time slice of the drive, which may have process data for an event task.
+    /// Runs a time slice of the drive. In this slice, the drive may have process data for an event task.
     fn time_slice(&mut self, world: &mut World) {
         let events = self.baps.process_data_events();
         let (now, plc) = (world.now, self.index);
@@ -203,7 +203,7 @@ impl Device for Plc {
         self.baps.power_on();
     }
 
-    /// The drive continues. It only detects that requests are missing.
+    /// Stops the PLC. The drive continues, and only detects that there are no requests.
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();
@@ -302,8 +302,8 @@ impl DevicePorts for Plc {
         &[(SLAVE, MASTER)]
     }
 
-    /// Fires the event of the board: the signal of node 1 if the node is on its bus, else the signal of node 2
-    /// (decision D-182).
+    /// Fires the event of the board for a SYNC edge. The source is node 1 while it is on its bus, otherwise
+    /// node 2 (decision D-182).
     #[inline]
     fn sync_edge(&mut self, port: PortNumber, now: u64) {
         let source = if self.slave_is_on_bus { SLAVE } else { MASTER };

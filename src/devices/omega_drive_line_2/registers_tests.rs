@@ -14,8 +14,8 @@ fn init_overlays_the_beginning_of_both_cyclic_structures() {
     assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
 }
 
-/// Manual 5.00005.03a p. 176-186 prints the slave's registers in an order in which each follows the
-/// previous one directly and is naturally aligned.
+/// Manual 5.00005.03a p. 176-186 prints the slave's registers in the order of their addresses. Each register
+/// directly follows the previous one and is naturally aligned.
 #[test]
 fn the_slave_structure_is_in_the_order_of_the_manuals_tables_without_padding() {
     let ends = [
@@ -54,7 +54,8 @@ fn snapshot_copies_every_register_and_reset_restores_it() {
     assert_eq!(node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0);
 }
 
-/// Manual 5.00005.03a p. 192: the slave's application enters the error number, the firmware only sends it.
+/// Manual 5.00005.03a p. 192: the slave's application enters the error number. The firmware only sends this
+/// number.
 #[test]
 fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_write() {
     for (name, owner) in [
@@ -66,7 +67,7 @@ fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_w
     }
 }
 
-/// 5.00005.03a p. 61: node 1 is the slave, node 2 the master; only the layout contains this fact.
+/// 5.00005.03a p. 61: node 1 is the slave, node 2 is the master. Only the layout contains this fact.
 #[test]
 fn ports_are_found_by_name_and_by_number() {
     let found = DEVICE.port("node2").unwrap();
@@ -76,7 +77,8 @@ fn ports_are_found_by_name_and_by_number() {
     assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(PortNumber(0)).is_none());
 }
 
-/// 5.00005.03a p. 153, 181, 182 for 500 kbit/s; D-09 and D-26 for the other rates.
+/// 5.00005.03a p. 153, 181, 182 has the deadlines for 500 kbit/s; D-09 and D-26 define them for the other
+/// rates.
 #[test]
 fn deadlines_say_where_they_are_from() {
     for rate in &BAUD_RATES {
@@ -98,7 +100,7 @@ fn only_three_pairs_of_baud_rate_and_interval_exist() {
     assert_eq!(pairs, [(500, 2, 0x00, 730), (250, 4, 0x01, 1430), (125, 8, 0x03, 3020)]);
 }
 
-/// The nodes' registers have a watch of their own.
+/// The registers of the nodes are not in this list, because they have a separate watch.
 #[cfg(feature = "emulator")]
 #[test]
 fn the_checker_watches_the_registers_of_the_board() {

@@ -44,8 +44,8 @@ pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<C
     cycle
 }
 
-/// Reports a PWM frequency (P103) for which the manual has no masks of P258, at the register through which the PLC
-/// sets it (decision D-292).
+/// Reports a PWM frequency (P103) for which the manual has no masks of P258. The finding names the register
+/// through which the PLC sets the frequency (decision D-292).
 pub(super) fn find_wrong_pwm(ctx: &mut Context, drive: &BuiltInDrive) {
     let khz = drive.regler().pwm_khz();
     if pwm_objection(khz).is_some() {

@@ -1,4 +1,5 @@
-//! Delays tasks from the BAPS: normally the drive executes a task immediately, but a fault can make it slow or silent.
+//! Delays of tasks from the BAPS. Normally the drive executes a task immediately, but a fault can make the
+//! drive slow or silent.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +8,8 @@ use serde::{Deserialize, Serialize};
 pub enum Pace {
     /// The drive takes the task in this time slice.
     AtOnce,
-    /// The drive takes the task in the first time slice that is at least the given number of microseconds later.
+    /// The drive takes the task at least the given number of microseconds later, in the first time slice from
+    /// then on.
     Late(u32),
     /// The drive does not take the task in this time slice.
     Never,
@@ -31,8 +33,9 @@ impl Hold {
         self.until = None;
     }
 
-    /// Decides when the drive takes a command, in the slice at `now`. `pace` is called when the command appears, and
-    /// again after the command has waited; its argument is true in the second call. A command waits only once.
+    /// Decides when the drive takes a command, in the slice at `now`. `pace` is called when the command
+    /// appears, and once more when the command has waited; its argument is then true. A command waits only
+    /// once.
     pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);

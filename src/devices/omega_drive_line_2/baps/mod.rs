@@ -1,8 +1,8 @@
 //! BAPS: the interface between the Omega Drive-Line II and the drive that contains it (manual 5.00005.03a chapter 6).
 //!
-//! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its
-//! function blocks. The drive serves them in time slices of 500 us. While no program uses the BAPS, there are no
-//! slices: the firmware only polls two registers in each processor cycle.
+//! `docs/devices/omega-drive-line-2/baps.md` describes the registers; the manual shows them only through its
+//! function blocks. The drive serves them in time slices of 500 us. While no program uses the BAPS, there are
+//! no slices: the firmware only polls two registers in each processor cycle.
 
 mod config;
 mod cycle;
@@ -37,9 +37,9 @@ pub struct Baps {
     service: Service,
     /// Late process data or commands.
     process_hold: Hold,
-    /// Delay of the service data by a fault.
+    /// Delay of the service data, if a fault causes one.
     service_hold: Hold,
-    /// True if the Omega Drive-Line II runs. The drive can run without it.
+    /// True if the Omega Drive-Line II is running. The drive can run without it.
     is_up: bool,
     /// Time of the next time slice, in microseconds; [`Baps::NEVER`] while no program uses the BAPS.
     next: u64,
@@ -82,14 +82,14 @@ impl Baps {
         })
     }
 
-    /// Called at power-on, or when RESET was released. The registers hold their reset values.
+    /// Called at power-on, or when RESET was released. At this time the registers contain their reset values.
     pub fn power_on(&mut self) {
         self.regs.reset_from(0);
         self.is_up = true;
     }
 
-    /// Called at a RESET of the board. The interface restarts, while the drive keeps its parameters and continues with
-    /// its last command (decision D-166).
+    /// Called at a RESET of the board. The interface restarts. The drive keeps its parameters and continues
+    /// with its last command (decision D-166).
     pub fn reset(&mut self) {
         self.is_up = false;
         self.process.reset();
@@ -98,7 +98,7 @@ impl Baps {
         self.service_hold.forget();
     }
 
-    /// Handles power-off of the PLC. The drive is connected to the supply of the PLC, so it stops, too.
+    /// Called at power-off of the PLC. The drive has the same supply as the PLC, so the drive stops, too.
     pub fn power_off(&mut self) {
         self.reset();
         self.drive = self.powered_on.clone();
@@ -110,8 +110,8 @@ impl Baps {
         &self.drive
     }
 
-    /// Returns the number of exchanges of process data since power-on: each exchange is an event "BAPS process data"
-    /// (events 4 and 8, manual 5.00005.03a p. 83).
+    /// Returns the number of exchanges of process data since power-on. Each exchange is an event "BAPS
+    /// process data" (events 4 and 8, manual 5.00005.03a p. 83).
     pub fn process_data_events(&self) -> u64 {
         self.process.events()
     }
@@ -122,7 +122,7 @@ impl Baps {
         self.next
     }
 
-    /// True if the PLC makes a request while there are no time slices.
+    /// True if the PLC makes a request to the BAPS while there are no time slices.
     #[inline]
     pub fn is_called(&self) -> bool {
         self.next == Self::NEVER
@@ -131,7 +131,7 @@ impl Baps {
                 || self.regs.b_MA_SEMAPHORE.load() != baps_semaphore::IDLE)
     }
 
-    /// Runs one processor cycle: begins time slices if the PLC makes a request.
+    /// Runs one processor cycle. If the PLC makes a request, the time slices begin.
     #[inline]
     pub fn processor_cycle(&mut self, now: u64) {
         if self.is_called() {
@@ -141,19 +141,19 @@ impl Baps {
 
     fn wake(&mut self, now: u64) {
         self.next = self.slice_from(now);
-        // While there were no slices, the registers did not change. So the last slice counts as if it had been directly
-        // before this slice.
+        // The registers did not change while there were no slices. So the last slice counts as if it had been
+        // directly before the next one.
         self.last = Some(self.next.saturating_sub(SLICE_US));
     }
 
-    /// Returns the first slice at `earliest` or later.
+    /// Returns the time of the first slice at `earliest` or later.
     fn slice_from(&self, earliest: u64) -> u64 {
         let earliest = self.last.map_or(earliest, |last| earliest.max(last + 1));
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
     }
 
-    /// Runs the present time slice. `pace` returns how the drive takes a command at the registers; its argument is true
-    /// if the command has already waited.
+    /// Runs the present time slice. `pace` returns when the drive takes a command in the registers. Its
+    /// argument is true if the command has already waited.
     pub fn slice(&mut self, ctx: &mut Context, pace: impl FnMut(&mut Journal, bool) -> Pace) {
         let now = ctx.now;
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
@@ -165,7 +165,7 @@ impl Baps {
         self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
-    /// Polls the registers on behalf of the drive: first process data, commands and status, then service data.
+    /// Polls the registers, as the drive does: first process data, commands and status, then service data.
     fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
         self.process.pass(ctx.now);
         let synchronized = if self.drive.is_synchronized() { baps_status_reg::SYNCHRONIZED } else { 0 };
@@ -199,8 +199,8 @@ impl Baps {
             || self.drive.is_synchronized()
     }
 
-    /// Called at a pulse of the trigger controller. The drive's slices follow it by the SYNC offset (P168). When the
-    /// drive is synchronized, the communications begin with such a slice (decision D-155).
+    /// Called at a pulse of the trigger controller. The drive's slices begin at the SYNC offset (P168) after
+    /// the pulse. If the drive is synchronized, the communications begin with such a slice (decision D-155).
     pub fn trigger_edge(&mut self, now: u64) {
         let was_synchronized = self.drive.is_synchronized();
         if !self.drive.trigger_edge(now) {
@@ -208,7 +208,7 @@ impl Baps {
         }
         self.phase = (now + u64::from(self.drive.sync_offset_us())) % SLICE_US;
         if !was_synchronized {
-            // The slice at the time of the edge may already be over.
+            // The slice at the time of the edge may have run already.
             let earliest = self.last.map_or(now, |last| now.max(last + 1));
             self.process.align(self.drive.next_slot(earliest));
         }
@@ -245,7 +245,8 @@ impl Baps {
         }
     }
 
-    /// Sets fault number `fault` in the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
+    /// Trips the drive with fault number `fault`, as
+    /// [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
     pub fn trip(&mut self, now: u64, fault: u16) -> bool {
         let trips = self.drive.trip(fault);
         if trips && self.next == Self::NEVER {

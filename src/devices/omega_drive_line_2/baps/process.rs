@@ -15,7 +15,8 @@ use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// Communications in which a re-initialization is active: one for each number (decision D-157).
+/// Number of communications during which a re-initialization is active: one for each parameter number
+/// (decision D-157).
 const RE_INITIALIZATION: u8 = 6;
 
 /// A configuration in force.
@@ -29,9 +30,9 @@ struct Configured {
     next: u64,
     /// True if a communication is pending.
     is_due: bool,
-    /// True if the PLC gave a command for the last communication.
+    /// True if the PLC has given a command for the last communication.
     is_used: bool,
-    /// The wrong SYNC slot (P167) that was reported to the PLC, in us.
+    /// The SYNC slot (P167), in us, that was last reported to the PLC as wrong.
     wrong_slot: Option<u32>,
     re_init: ReInit,
 }
@@ -43,7 +44,8 @@ enum ReInit {
     Idle,
     /// The re-initialization still needs `left` communications.
     Active { numbers: Numbers, left: u8 },
-    /// The command has ended with this acknowledgement, which stays until another command comes.
+    /// The command has ended with this acknowledgement. The acknowledgement stays until another command
+    /// comes.
     Over(u8),
 }
 
@@ -66,7 +68,7 @@ impl Process {
         Ok(Process { face: segment.firmware_header()?, configured: None, events: 0 })
     }
 
-    /// Called when the board restarts: there is no configuration, as after power-on (manual p. 90).
+    /// Called when the board restarts. As after power-on, there is no configuration (manual p. 90).
     pub(crate) fn reset(&mut self) {
         self.configured = None;
     }
@@ -80,26 +82,27 @@ impl Process {
         self.events
     }
 
-    /// Aligns the communications to this slot of the trigger signal, if there is such a slot.
+    /// If there is such a slot, aligns the communications to this slot of the trigger signal.
     pub(crate) fn align(&mut self, slot: Option<u64>) {
         if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
             configured.next = slot;
         }
     }
 
-    /// Marks the communication as pending if its time has come at `now`.
+    /// Marks the next communication as pending if it is due at `now`.
     pub(crate) fn pass(&mut self, now: u64) {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
         {
-            // After the drive has aligned its slices to the trigger signal, it skips the slots that it has missed.
+            // If the drive has just aligned its slices to the trigger signal, it skips the slots that it has
+            // missed.
             configured.next = now + configured.cycle.communication_us();
             configured.count += 1;
             configured.is_due = true;
         }
     }
 
-    /// True if there is a communication to make or a command to answer.
+    /// True if a communication is pending or a command needs an answer.
     pub(crate) fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         let is_due = self.configured.is_some_and(|configured| configured.is_due);
         match regs.b_COMMAND.load() {
@@ -116,7 +119,7 @@ impl Process {
         }
     }
 
-    /// Makes the pending communication and answers a command.
+    /// Carries out the pending communication and answers a command.
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
@@ -177,8 +180,8 @@ impl Configured {
         Configured { cycle, numbers, count: 0, next, is_due, is_used, wrong_slot, re_init: ReInit::Idle }
     }
 
-    /// Copies actual values and status word to the PLC, then reference values and control word from the PLC, if it
-    /// has given the command.
+    /// Copies actual values and status word to the PLC. If the PLC has given the command, then copies
+    /// reference values and control word from the PLC.
     fn communicate(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         self.is_due = false;
         let software = drive.regler().software();
@@ -234,7 +237,7 @@ impl Configured {
         self.wrong_slot = wrong_slot;
     }
 
-    /// Passes actual value `x` to the PLC; returns false if it cannot be read now.
+    /// Passes actual value `x` to the PLC. Returns false if the value cannot be read now.
     fn read(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> bool {
         let number = self.numbers.reads[x];
         if number == 0 || self.is_undefined(|numbers| numbers.reads[x] != number) {
@@ -249,8 +252,8 @@ impl Configured {
         }
     }
 
-    /// Passes reference value `x` to the drive; returns false if it cannot be written now. A parameter of one word
-    /// takes the low half of the value.
+    /// Passes reference value `x` to the drive. Returns false if the value cannot be written now. A parameter
+    /// of one word gets the low half of the value.
     fn write(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> bool {
         let number = self.numbers.writes[x];
         if number == 0 || self.is_undefined(|numbers| numbers.writes[x] != number) {
@@ -262,13 +265,13 @@ impl Configured {
         regler.write_element(number, VALUE_ELEMENT, format, value).is_ok()
     }
 
-    /// True if values must not be exchanged, because they are being re-initialized (manual p. 109: they are not defined
-    /// during this time).
+    /// True if values must not be exchanged because their re-initialization is in progress. Their values are
+    /// not defined during this time (manual p. 109).
     fn is_undefined(&self, changes: impl FnOnce(&Numbers) -> bool) -> bool {
         matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
     }
 
-    /// Starts or continues a re-initialization; returns its acknowledgement, if it has ended.
+    /// Starts or continues a re-initialization. If it has ended, returns its acknowledgement.
     fn re_initialize(&mut self, word: u8, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> Option<u8> {
         let wanted = word == baps_command::RE_INITIALIZE;
         match self.re_init {
@@ -302,8 +305,8 @@ impl Configured {
     }
 }
 
-/// Answers a command: writes the acknowledgement first, then the command register, which the PLC watches. A newer
-/// command of the PLC stays.
+/// Answers a command: first writes the acknowledgement, then the command register, because the PLC polls the
+/// command register. If the PLC has written a newer command, the command register keeps it.
 fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
     regs.b_SL_QUIT.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT), answer);
     if regs.b_COMMAND.compare_exchange(word, baps_command::NONE).is_ok() {

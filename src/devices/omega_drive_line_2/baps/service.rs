@@ -1,4 +1,5 @@
-//! Service data: sequential parameter jobs, guarded by two semaphores (manual 5.00005.03a p. 93-98, 118-120).
+//! Service data: parameter jobs, one after the other. Two semaphores coordinate them (manual 5.00005.03a p.
+//! 93-98, 118-120).
 //!
 //! | master | slave | |
 //! |---|---|---|
@@ -37,7 +38,8 @@ impl Job {
             number: regs.u_PAR_NR.load(),
             element: regs.us_PAR_ELEMENT.load(),
             count: regs.us_NUMBER.load(),
-            // Any other value is a doubleword, as a BOOL is TRUE.
+            // Any value except that of a word means a doubleword, because every value except 0 of a BOOL is
+            // TRUE.
             format: match regs.b_PAR_FORMAT.load() {
                 baps_format::WORD => ParamFormat::Word,
                 _ => ParamFormat::Doubleword,
@@ -71,7 +73,7 @@ impl Service {
         Service { phase: Phase::default(), time_us }
     }
 
-    /// Called when the board restarts: a job in progress is dropped.
+    /// Called when the board restarts. A job in progress is dropped.
     pub(crate) fn reset(&mut self) {
         self.phase = Phase::Idle;
     }
@@ -90,7 +92,7 @@ impl Service {
         }
     }
 
-    /// Polls the semaphores once, on behalf of the drive.
+    /// Polls the semaphores once, as the drive does.
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {
@@ -98,7 +100,7 @@ impl Service {
                 self.phase = Phase::Working(Job::of(regs), ctx.now + self.time_us);
                 self.work(ctx, regs, drive);
             }
-            // The PLC has given up: the job is not executed (decision D-159).
+            // The PLC has withdrawn the job, so the job is not executed (decision D-159).
             Phase::Working(..) if master == baps_semaphore::IDLE => self.phase = Phase::Idle,
             Phase::Working(..) => self.work(ctx, regs, drive),
             Phase::Answered if master == baps_semaphore::IDLE => {

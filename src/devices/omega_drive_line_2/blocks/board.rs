@@ -12,8 +12,8 @@ function_block! {
     /// Sets the LEDs on the board's front panel (manual p. 51).
     pub struct LED(ram: Ram) {
         in {
-            /// Bits of the LEDs: 0 upper red, 1 upper green, 2 lower red, 3 lower green. The other bits have no
-            /// meaning.
+            /// Bits of the LEDs: bit 0 upper red, bit 1 upper green, bit 2 lower red, bit 3 lower green. The
+            /// other bits have no meaning.
             b_LEDS: u8;
         }
     }
@@ -27,15 +27,16 @@ impl LED {
 }
 
 function_block! {
-    /// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
+    /// Routes triggers and starts board timers (manual p. 56-60). The block may run once in each start of the
+    /// program (D-260).
     ///
-    /// The first call submits the inputs; call the block until `x_OK` or `x_ERR` is TRUE. Later calls do nothing,
-    /// unless the board has been reset (decisions D-213, D-214).
+    /// The first call submits the inputs. The program must call the block until `x_OK` or `x_ERR` is TRUE.
+    /// Later calls do nothing, unless the board has been reset (decisions D-213, D-214).
     pub struct OPT_INIT(ram: Ram) {
         in {
-            /// Mode of trigger 1 (option card IEI-02); 0: open.
+            /// Mode of trigger 1 (option card IEI-02); 0: no source is connected.
             us_MODE_TRIGGER_1: u8;
-            /// Mode of trigger 2 (option card MFM-01); 0: open.
+            /// Mode of trigger 2 (option card MFM-01); 0: no source is connected.
             us_MODE_TRIGGER_2: u8;
             /// Mode of the trigger controller (drive).
             us_MODE_TRIGGER_CONTROLLER: u8;
@@ -53,7 +54,7 @@ function_block! {
             ud_CFG_MODE_TIMER_B: u32;
         }
         out {
-            /// The inputs were refused, or `OPT_INIT` has been run before in this start of the program.
+            /// The inputs were refused, or `OPT_INIT` has already run in this start of the program.
             x_ERR: bool;
             /// Triggers are routed, timers run.
             x_OK: bool;
@@ -96,7 +97,7 @@ function_block! {
     /// Notes the time at the start of a piece of code (manual p. 47). Pins: decision D-214.
     pub struct TIME_MEASURE_START(ram: Ram) {
         out {
-            /// Emulated time in microseconds, wrapping: goes to [`TIME_MEASURE_END`].
+            /// Emulated time in microseconds, which wraps around. It is the input of [`TIME_MEASURE_END`].
             ud_TIME: u32;
         }
     }
@@ -110,8 +111,8 @@ impl TIME_MEASURE_START {
 }
 
 function_block! {
-    /// Returns the run time of a piece of code (manual p. 47). With a stepped clock the result is the emulated time
-    /// between. Pins: decision D-214.
+    /// Returns the run time of a piece of code (manual p. 47). With a stepped clock the result is the
+    /// emulated time that has passed between the two blocks. Pins: decision D-214.
     pub struct TIME_MEASURE_END(ram: Ram) {
         in {
             /// The output of [`TIME_MEASURE_START`].

@@ -5,7 +5,7 @@ use crate::devices::cansync::blocks::{init, par_ma, pd_comm_read, pd_comm_sl, up
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES;
 
 init::init!("211-215", &BAUD_RATES, "of node 1 (cluster)", "", "8, 4, 2 for the baud rates 3, 4, 5");
-// The format of the answer is only shown (p. 224).
+// The block only outputs the format of the answer and does not check it (p. 224).
 par_ma::par_read_ma!("222-224", "", |_, _| 0);
 pd_comm_read::pd_comm_read!(
     CANsync_PD_COMM_READ_MA,

@@ -1,4 +1,4 @@
-//! The flags, and the effect of power-on and starts on them (manual 5.00005.03a p. 38, 41-42).
+//! The flags, and the effects of power-on and starts on them (manual 5.00005.03a p. 38, 41-42).
 
 use crate::devices::omega_drive_line_2::registers::{DEVICE, RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
@@ -12,7 +12,7 @@ const FIRST: u32 = RETAIN;
 #[derive(Debug)]
 pub(super) struct Flags {
     segment: Segment,
-    /// An entry for each byte; 0 where no value was set.
+    /// Initial value of each byte of the retain flags; 0 if no value was set.
     initial: Box<[u8]>,
 }
 
@@ -33,7 +33,7 @@ impl SnapshotFields for Flags {
 }
 
 impl Flags {
-    /// Returns the flags in `segment`; its header page has their number.
+    /// Returns the flags in `segment`. The header page contains the number of retain flags.
     ///
     /// # Errors
     /// The memory segment is read-only.
@@ -42,7 +42,7 @@ impl Flags {
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
     }
 
-    /// True if a retain flag is not 0. Then NOVRAM has kept the flags.
+    /// True if at least one retain flag is not 0. In this case NOVRAM has kept the flags.
     pub(crate) fn are_kept(&self) -> bool {
         let mut bytes = vec![0; self.initial.len()];
         self.segment.read_range(FIRST, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
@@ -60,7 +60,8 @@ impl Flags {
         slot.answer.store(request);
     }
 
-    /// Sets the initial value of flags, or clears all initial values if the width is 0; `None` if that is not possible.
+    /// Sets the initial value of a flag, or clears all initial values if the width is 0. `None` if this is
+    /// not possible.
     fn set(&mut self, flag: u32, width: u32, value: u32) -> Option<()> {
         if width == 0 {
             self.forget();
@@ -76,17 +77,18 @@ impl Flags {
         Some(())
     }
 
-    /// Deletes the initial values, because the program has ended.
+    /// Deletes the initial values, because the program that has set them has ended.
     pub(crate) fn forget(&mut self) {
         self.initial.fill(0);
     }
 
-    /// Power-on, reset, cold and warm start: flags that are not retained become 0. A program sets its own other initial
-    /// values itself (D-632).
+    /// Called at power-on, reset, cold and warm start: sets flags that are not retained to 0. If a program
+    /// has other initial values for them, it sets these itself (D-632).
     pub(crate) fn clear(&self) {
         for area in DEVICE.areas.iter().filter(|area| area.space.name == "free_flags") {
             for offset in (area.first..area.last()).step_by(4) {
-                // The flags lie in the memory segment, which is writable. Unused memory stays untouched.
+                // The flags are in the memory segment, which is writable, so the store cannot fail. Memory
+                // that contains only 0 is not written, so that unused memory stays untouched.
                 if self.segment.load(offset, Width::Dword).is_ok_and(|flags| flags != 0) {
                     let _: Result<(), MemoryError> = self.segment.store(offset, Width::Dword, 0);
                 }
@@ -94,10 +96,10 @@ impl Flags {
         }
     }
 
-    /// Cold start: all flags get their initial values.
+    /// Called at a cold start: gives all retain flags their initial values.
     pub(crate) fn initialize(&self) {
         for (offset, bytes) in (FIRST..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
-            // The flags lie in the memory segment, which is writable.
+            // The flags are in the memory segment, which is writable, so the store cannot fail.
             let _: Result<(), MemoryError> =
                 self.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes));
         }
@@ -150,7 +152,7 @@ mod tests {
         assert_eq!(load(&flags, 23), 0);
     }
 
-    /// Manual p. 10, 41-42: RAM, which power-on and starts set to 0.
+    /// Manual p. 10, 41-42: these flags are RAM. Power-on and starts set them to 0.
     #[test]
     fn flags_that_are_not_retained_are_cleared() {
         let flags = flags(24);

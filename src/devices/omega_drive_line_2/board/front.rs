@@ -27,15 +27,15 @@ pub(super) struct Front {
     up: bool,
     dip: u8,
     projects: Projects,
-    /// True if the board was started before, so that the next power-on is not the first.
+    /// True if the board has been started before. Only the first power-on uses the state of the plant file.
     is_used: bool,
-    /// True if the program was stopped by a request while the switch was at RUN.
+    /// True if a request has stopped the program while the switch was at RUN.
     halted: bool,
     /// True if the PLC program may run.
     released: bool,
-    /// True if a cold or warm start was requested since the last query.
+    /// True if a cold or warm start was ordered since the last call of `take_start`.
     started: bool,
-    /// True if a start or stop was requested since the last query.
+    /// True if a start or stop was ordered since the last call of `take_order`.
     ordered: bool,
     flags: Flags,
 }
@@ -115,9 +115,9 @@ impl Front {
         if face.program.restarts.increment() > 1 {
             report(ctx, BoardEvent::Up { dip: Some(self.dip) });
         }
-        // At the first power-on the state of the plant file applies.
+        // At the first power-on, the state of the plant file is used.
         if core::mem::replace(&mut self.is_used, true) {
-            // A process with a program may have joined or left while the board was off.
+            // While the board was off, a process with a program may have attached or ended.
             self.read(face);
             let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
             self.note_program(face, reported_state);
@@ -129,7 +129,7 @@ impl Front {
         self.dip
     }
 
-    /// Called at power-off, or when RESET becomes active: display and LEDs are dark.
+    /// Called at power-off, or when RESET becomes active. Display and LEDs become dark.
     pub(crate) fn stop(&mut self, face: &FirmwareHeader) {
         self.up = false;
         self.released = false;
@@ -149,7 +149,7 @@ impl Front {
         self.change(had_supply)
     }
 
-    /// Takes over the switches that clients have turned. Invalid numbers change nothing.
+    /// Takes over the switches that clients have turned. An invalid position changes nothing.
     fn read(&mut self, face: &FirmwareHeader) {
         self.seen = PolledFront::now(face.requested());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
@@ -198,7 +198,8 @@ impl Front {
         face.board.display.store(self.character(ctx.now));
     }
 
-    /// Handles the program state that the PLC reports: the program has started or ended, or copies the boot project.
+    /// Handles the program state that the PLC reports: the program has started or ended, or is copying the
+    /// boot project.
     fn note_program(&mut self, face: &FirmwareHeader, reported_state: ProgramState) {
         use ProgramState::*;
         let before = self.program;
@@ -209,7 +210,8 @@ impl Front {
                 self.projects.taken_back();
                 self.flags.forget();
             }
-            // A late report of the program of a lost project does not announce a new program.
+            // After its project was lost, a program may still report its state. Such a report does not
+            // announce a new program.
             (Project::None, Initializing | Cyclic) if self.projects.is_lost() => self.program = None,
             (Project::None, Stopped | Initializing | Cyclic) => self.projects.brought(),
             (_, ErasingBootProject) if before != reported_state => self.projects.erased(),
@@ -219,7 +221,7 @@ impl Front {
         face.project.store(self.projects.loaded().code());
     }
 
-    /// Called when another project was loaded, or the project was deleted: the PLC's program stops.
+    /// Called when another project was loaded, or the project was deleted. The PLC's program stops.
     fn show_project(&mut self, face: &FirmwareHeader) {
         let loaded = self.projects.loaded();
         if loaded == Project::None {
@@ -231,8 +233,8 @@ impl Front {
         face.project.store(loaded.code());
     }
 
-    /// Handles the request of a client to send or delete a project, as the control dialog does (manual
-    /// p. 37-38).
+    /// Handles the request of a client to send or delete a project. The control dialog makes such requests
+    /// (manual p. 37-38).
     pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         let Some(code) = face.take(|page| &page.project_request) else { return };
         let Some(project) = Project::from_code(code - 1) else { return };
@@ -247,13 +249,13 @@ impl Front {
         self.see(ctx, face);
     }
 
-    /// True if events may occur: no event task runs while the switch or the program is at STOP.
+    /// True if events may occur. No event task runs while the switch or the program is at STOP.
     pub(crate) fn runs_events(&self) -> bool {
         self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }
 
-    /// Handles the request of a client for a start, as the control dialog does: possible only at RUN
-    /// (manual p. 38).
+    /// Handles the request of a client for a start. The control dialog makes such requests. A start is
+    /// possible only at RUN (manual p. 38).
     pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         let Some(code) = face.take(|page| &page.program.start_request) else { return };
         match Start::from_code(code) {

@@ -6,7 +6,8 @@ use crate::devices::Events;
 use crate::memory::FirmwareHeader;
 use crate::memory::header::InterruptResult;
 
-/// Interrupt level of an event number, 14 before 13; `None` if the number is reserved (manual p. 43, 48).
+/// Returns the interrupt level of an event; level 14 has priority over level 13. `None` if the event number
+/// is reserved (manual p. 43, 48).
 pub(crate) fn level(event: usize) -> Option<u8> {
     match event {
         0 | 5 | 8 | 11 | 12 => Some(14),

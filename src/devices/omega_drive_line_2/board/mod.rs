@@ -1,8 +1,9 @@
 //! The board around the communication RAM: interrupt events, timers, triggers, front panel and power (manual
 //! 5.00005.03a p. 38-60).
 //!
-//! The board uses the header page of the image. On the device the function blocks `INTR_SET` and `OPT_INIT` call the
-//! firmware and have no registers. So a soft-PLC writes their inputs to the header page (decision D-180).
+//! The board uses the header page of the image. On the device, the function blocks `INTR_SET` and `OPT_INIT`
+//! call the firmware and have no registers. So in the emulator a soft-PLC writes the inputs of these blocks
+//! to the header page (decision D-180).
 
 use crate::snapshot_fields;
 
@@ -45,8 +46,8 @@ pub(crate) struct Board {
 snapshot_fields!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us, sync_net });
 
 impl Board {
-    /// Creates the board with its header page in `segment`, and with the `project` of the first power-on;
-    /// `option_sync_us` is the period of the SYNC signal of an option card, if there is one.
+    /// Creates the board with its header page in `segment`. `project` is the project of the first power-on.
+    /// `option_sync_us` is the period of the SYNC signal of an option card, if there is such a card.
     ///
     /// # Errors
     /// The memory segment is read-only.
@@ -68,8 +69,8 @@ impl Board {
         })
     }
 
-    /// Called at power-on or at the end of a reset: no event is enabled, no trigger is routed, and the DIP switches are
-    /// read. Returns their number.
+    /// Called at power-on or at the end of a reset. From then on no event is enabled and no trigger is
+    /// routed. Reads the DIP switches and returns their number.
     pub(crate) fn start(&mut self, ctx: &mut Context) -> u8 {
         self.stop();
         self.face.both(|page| {
@@ -84,7 +85,7 @@ impl Board {
         dip
     }
 
-    /// Called at power-off, or when RESET is held.
+    /// Called at power-off, or when RESET becomes active.
     pub(crate) fn stop(&mut self) {
         self.events.disable_all();
         self.triggers = Triggers::default();
@@ -97,7 +98,7 @@ impl Board {
         self.front.is_up()
     }
 
-    /// True if the board has supply, with or without RESET.
+    /// True if the board has supply, even if it is held in RESET.
     pub(crate) fn has_supply(&self) -> bool {
         self.front.has_supply()
     }
@@ -107,18 +108,18 @@ impl Board {
         self.front.set_power(&self.face, power)
     }
 
-    /// Returns the present DIP number, as latched at power-on or reset.
+    /// Returns the number that the DIP switches had at the last power-on or reset.
     pub(crate) fn dip(&self) -> u8 {
         self.front.dip()
     }
 
-    /// True if a client has turned a switch or entered a request since the last poll. Used for busy polling.
+    /// True if a client has turned a switch or made a request since the last poll.
     #[inline]
     pub(crate) fn has_changed(&self) -> bool {
         self.face.requested().board_requests.load() != self.requests || self.front.has_changed(&self.face)
     }
 
-    /// Polls switches and requests once. Costs a few loads if nothing has changed.
+    /// Polls switches and requests once. If nothing has changed, this costs only a few loads.
     #[inline]
     pub(crate) fn look(&mut self, ctx: &mut Context) -> FrontAction {
         if self.has_changed() { self.look_closely(ctx) } else { FrontAction::Nothing }
@@ -136,7 +137,7 @@ impl Board {
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
-            // The board handles initial values and projects before a start, because a start uses them.
+            // Initial values and projects are handled before a start, because a start uses them.
             self.front.look_at_flags(&self.face);
             self.front.look_at_project_request(ctx, &self.face);
         }
@@ -164,13 +165,14 @@ impl Board {
         FrontAction::Answered
     }
 
-    /// Returns the time of the next timer; `u64::MAX` if none runs.
+    /// Returns the time at which the next timer is due; `u64::MAX` if no timer runs.
     #[inline]
     pub(crate) fn next_time(&self) -> u64 {
         self.timers.next_time()
     }
 
-    /// Handles all timers that are due at `now`: triggers first, then events by their level (p. 44).
+    /// Handles all timers that are due at `now`: first the triggers, then the events in the order of their
+    /// levels (p. 44).
     pub(crate) fn timers_due(&mut self, now: u64) {
         let due = self.timers.take_due(now);
         for (timer, slot) in [(Timer::A, 0), (Timer::B, 1)] {
@@ -192,7 +194,8 @@ impl Board {
         }
     }
 
-    /// Called at an edge of the CANsync network's SYNC signal. Passes the edge to the triggers, then raises event 12.
+    /// Called at an edge of the SYNC signal of the CANsync network. Passes the edge to the triggers, then
+    /// raises event 12.
     #[inline]
     pub(crate) fn sync_net(&mut self, now: u64) {
         self.sync_net = true;
@@ -200,14 +203,15 @@ impl Board {
         self.events.fire(&self.face, 12, now);
     }
 
-    /// Called when the drive has process data for the BAPS. Raises event 4 or 8, whichever is enabled.
+    /// Called when the drive has process data for the BAPS. Raises event 4 or 8. At most one of these events
+    /// is enabled.
     #[inline]
     pub(crate) fn baps(&mut self, now: u64) {
         self.events.fire(&self.face, 8, now);
         self.events.fire(&self.face, 4, now);
     }
 
-    /// Handles pulses of the option card in slot 1 or 2: pulses the triggers, then raises event 11.
+    /// Handles pulses of the option card in slot 1 or 2. First pulses the triggers, then raises event 11.
     pub(crate) fn option_card(&mut self, slot: u8, pulses: CardPulses, now: u64) {
         if pulses.interrupt {
             let source = if slot == 1 { Source::InterruptOption1 } else { Source::InterruptOption2 };

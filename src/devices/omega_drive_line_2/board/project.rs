@@ -9,11 +9,12 @@ enum Flash {
     Empty,
     /// A boot project, which the board loads at power-on.
     Boot,
-    /// The boot project of a process; it is deleted when the process ends (decision D-302).
+    /// A process has loaded its program, which counts as a boot project. It is deleted when the process ends
+    /// (decision D-302).
     OfProcess,
 }
 
-/// The loaded project, and the project after power-off and reset.
+/// The loaded project, and the project that is loaded after power-off and reset.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Projects {
     loaded: Project,
@@ -22,7 +23,7 @@ pub(super) struct Projects {
     cold: bool,
     /// True if the first start of the boot project must be a cold start, because the boot project is new.
     boot_cold: bool,
-    /// True if a sent project (not a boot project) was lost.
+    /// True if a project was lost that was sent, but was not a boot project.
     lost: bool,
 }
 
@@ -43,13 +44,13 @@ impl Projects {
         self.cold
     }
 
-    /// True if a sent project (not a boot project) was lost. Its client may still report states until another project
-    /// is loaded.
+    /// True if a project was lost that was sent, but was not a boot project. Its client may still report
+    /// states until another project is loaded.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// Called if NOVRAM has kept the retain flags of the boot project.
+    /// Called if NOVRAM has kept the retain flags of the boot project, so the project is not new.
     pub(crate) fn retain_was_kept(&mut self) {
         self.boot_cold = false;
         self.cold = self.loaded == Project::Sent;
@@ -63,8 +64,8 @@ impl Projects {
         }
     }
 
-    /// Called when a client loads a project, or deletes the loaded project. The boot project stays in the flash memory
-    /// (p. 38).
+    /// Called when a client loads a project or deletes the loaded project. The boot project in the flash
+    /// memory does not change (p. 38).
     pub(crate) fn load(&mut self, project: Project) {
         if project == Project::Boot {
             (self.flash, self.boot_cold) = (Flash::Boot, true);
@@ -80,7 +81,7 @@ impl Projects {
         (self.loaded, self.lost) = (Project::Boot, false);
     }
 
-    /// Called when the process has withdrawn its program. The next project is always a new one.
+    /// Called when the process has withdrawn its program. Any next project is then a new project.
     pub(crate) fn taken_back(&mut self) {
         if self.flash == Flash::OfProcess {
             self.flash = Flash::Empty;
@@ -89,7 +90,8 @@ impl Projects {
         (self.loaded, self.cold) = (Project::None, true);
     }
 
-    /// Called when the boot project is erased from the flash memory. The loaded project stays until power-off or reset.
+    /// Called when the boot project is erased from the flash memory. The loaded project remains until
+    /// power-off or reset.
     pub(crate) fn erased(&mut self) {
         self.flash = Flash::Empty;
         if self.loaded == Project::Boot {
@@ -102,7 +104,7 @@ impl Projects {
         (self.flash, self.boot_cold) = (Flash::Boot, true);
     }
 
-    /// Called at power-on or at the end of a reset: only the boot project is loaded (p. 37).
+    /// Called at power-on or at the end of a reset. Only the boot project is loaded then (p. 37).
     pub(crate) fn restart(&mut self) {
         if self.flash != Flash::Empty {
             (self.loaded, self.cold, self.lost) = (Project::Boot, self.boot_cold, false);
@@ -116,7 +118,8 @@ impl Projects {
 mod tests {
     use super::*;
 
-    /// Manual p. 37: after reset or power-off the boot project is active again, even if another project was sent.
+    /// Manual p. 37: after reset or power-off the boot project is active again, even if another project was
+    /// sent in the meantime.
     #[test]
     fn only_the_boot_project_comes_back() {
         let mut projects = Projects::new(Project::Boot);

@@ -1,4 +1,4 @@
-//! Events, timers and triggers; [`front`] has switch, display and starts.
+//! Tests events, timers and triggers. [`front`] tests switch, display and starts.
 
 mod front;
 
@@ -63,8 +63,8 @@ impl Rig {
         InterruptResult::from_code(self.header.interrupts[event].outcome(request).unwrap()).unwrap()
     }
 
-    /// Calls `OPT_INIT` with these trigger modes. The settings of timer A and B are `(divider, enable, configuration
-    /// mode)`.
+    /// Calls `OPT_INIT` with these trigger modes. Each timer, A and B, has the settings `(divider, enable,
+    /// configuration mode)`.
     fn opt_init(&mut self, modes: [u32; 3], timers: [(u32, u32, u32); 2]) -> OptInitResult {
         let block = &self.header.opt_init;
         block.triggers.iter().zip(modes).for_each(|(cell, mode)| cell.store(mode));
@@ -133,14 +133,15 @@ fn events_exclude_each_other_in_pairs() {
                 .any(|&(a, b)| (first, second) == (a, b) || (second, first) == (a, b));
             let wanted = if excluded { InterruptResult::Excluded } else { InterruptResult::Done };
             assert_eq!(rig.set_event(second, 1, true), wanted, "{first} then {second}");
-            // The enabled event is not changed. When it is disabled, the other event can be enabled.
+            // The refused call does not change the enabled event. When that event is disabled, the other
+            // event can be enabled.
             assert_eq!(rig.set_event(first, 1, false), InterruptResult::Done);
             assert_eq!(rig.set_event(second, 1, true), InterruptResult::Done);
         }
     }
 }
 
-/// Manual p. 49: i_PAR1 = 20 gives 1 ms, i_PAR1 x 50 us in general.
+/// Manual p. 49: i_PAR1 = 20 gives 1 ms. In general, the period is i_PAR1 x 50 us.
 #[test]
 fn cpu_timers_run_in_steps_of_50_us() {
     for (event, factor, period) in [(0, 20, 1000), (2, 20, 1000), (0, 1, 50), (2, 32_767, 1_638_350)] {
@@ -181,7 +182,7 @@ fn a_timer_can_be_stopped_and_restarted() {
     assert_eq!(rig.board.next_time(), u64::MAX);
 }
 
-/// Manual p. 50, 58, 66: 2499 gives 1 ms; events 5 and 6 both come from timer A.
+/// Manual p. 50, 58, 66: a divider of 2499 gives 1 ms. Timer A is the source of both events 5 and 6.
 #[test]
 fn board_timer_a_divides_5_mhz() {
     let mut rig = Rig::new();
@@ -197,7 +198,7 @@ fn board_timer_a_divides_5_mhz() {
     assert_eq!([0, 1].map(|n| rig.header.timers[n].bell.rings()), [10, 5], "timer B runs, without event");
 }
 
-/// A period that is not a whole number of microseconds does not drift.
+/// If the period is not a whole number of microseconds, the rounding errors must not accumulate.
 #[test]
 fn odd_dividers_keep_their_phase() {
     let mut rig = Rig::new();
@@ -215,7 +216,7 @@ fn bad_timers_are_refused_and_start_nothing() {
         assert_eq!(rig.opt_init([0; 3], [timer, (0, 0, 0)]), OptInitResult::BadTimer, "{timer:?}");
         assert_eq!(rig.opt_init([0; 3], [(2499, 1, 0), timer]), OptInitResult::BadTimer, "{timer:?}");
         assert_eq!(rig.board.next_time(), u64::MAX);
-        // A refused call does not count as run.
+        // A call that was refused does not count as the one call that is permitted.
         assert_eq!(rig.opt_init([0; 3], [(124, 1, 0), (65_535, 1, 0)]), OptInitResult::Done);
     }
 }
@@ -250,7 +251,7 @@ fn opt_init_may_run_once_in_each_start_of_the_program() {
     rig.turn(RunSwitch::Stop);
     rig.turn(RunSwitch::Run);
     assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done, "warm start by the switch");
-    // The program makes its start request before the board is started.
+    // Now the program makes its start request before the board is started.
     let mut rig = Rig::new();
     assert_eq!(rig.opt_init([0; 3], OFF), OptInitResult::Done);
     rig.header.program.state.store(ProgramState::Stopped.code());

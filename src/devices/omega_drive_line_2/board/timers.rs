@@ -1,9 +1,10 @@
-//! The timers of a board: CPU timers in steps of 50 us, board timers from a divided 5 MHz clock, the SYNC signal of
-//! an option card.
+//! The timers of a board: CPU timers in steps of 50 us, board timers with a divided clock of 5 MHz, and the
+//! SYNC signal of an option card.
 
 use serde::{Deserialize, Serialize};
 
-/// Periods are counted in fifths of a microsecond, the clock of 5 MHz, so that rounding errors do not accumulate.
+/// Number of clock ticks per microsecond. Periods are counted in ticks of the 5 MHz clock, so that rounding
+/// errors do not accumulate.
 pub(super) const PER_US: u64 = 5;
 /// Step of the CPU timers, 50 us (manual 5.00005.03a p. 48).
 pub(super) const CPU_STEP: u64 = 50 * PER_US;
@@ -28,7 +29,7 @@ const NEVER: u64 = u64::MAX;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Clock {
-    /// Period of the timer in units of [`PER_US`].
+    /// Period of the timer in ticks of 1 / [`PER_US`] us.
     period: u64,
     /// Emulated time at which the timer was started, in microseconds.
     start: u64,
@@ -63,8 +64,8 @@ impl Default for Timers {
 }
 
 impl Timers {
-    /// Starts or restarts a timer at `now`. Its first pulse comes after a whole period, given in [`PER_US`], at
-    /// least 1 us.
+    /// Starts or restarts a timer at `now`. Its first pulse comes after a whole period. `period` is in ticks
+    /// of 1 / [`PER_US`] us, at least 1 us.
     pub(crate) fn start(&mut self, timer: Timer, now: u64, period: u64) {
         self.set(timer, Clock { period, start: now, next: 1, due: now + period / PER_US });
     }
@@ -87,7 +88,7 @@ impl Timers {
         self.next_time
     }
 
-    /// Takes the timers that are due at `now`.
+    /// Removes and returns the timers that are due at `now`.
     pub(crate) fn take_due(&mut self, now: u64) -> Due {
         let mut due = Due::default();
         for (index, clock) in self.clocks.iter_mut().enumerate() {

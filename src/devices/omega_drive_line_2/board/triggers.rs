@@ -21,7 +21,8 @@ pub(super) enum Source {
     InterruptOption2,
 }
 
-/// Shortest period of a board timer, 50 us: no PLC can follow a shorter one (decision D-183).
+/// Divider for the shortest period of a board timer, 50 us. No PLC can follow a shorter period (decision
+/// D-183).
 const MIN_DIVIDER: u32 = 124;
 
 /// The routes of a PLC.
@@ -30,12 +31,12 @@ pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// True if `OPT_INIT` has been run.
     routed: bool,
-    /// True if `OPT_INIT` must not run again in this start of the program.
+    /// True if `OPT_INIT` has already run in this start of the program, so it must not run again.
     closed: bool,
     /// True if the trigger controller was pulsed.
     pub controller_pulsed: bool,
-    /// True for trigger 1 or 2 if it was pulsed. The plant takes these pulses at the moment at which they occur, so a
-    /// snapshot does not contain them.
+    /// Pulses of triggers 1 and 2: true if the trigger was pulsed. The plant takes the pulses at the moment
+    /// at which they occur, so a snapshot does not contain them.
     #[serde(skip)]
     pub card_pulsed: [bool; 2],
 }
@@ -58,7 +59,7 @@ impl Triggers {
         self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
     }
 
-    /// Called when the program restarts: its start task may run `OPT_INIT` again (decision D-260).
+    /// Called when the program restarts. Its start task may then run `OPT_INIT` again (decision D-260).
     pub(crate) fn permit(&mut self) {
         self.closed = false;
     }
@@ -105,8 +106,8 @@ impl Triggers {
     }
 }
 
-/// Decodes the mode of trigger 1 or 2 (manual p. 58). 0 is the value of an open input: no source is connected. The
-/// outer `None` means a reserved mode.
+/// Decodes the mode of trigger 1 or 2 (manual p. 58). 0 means that no source is connected: the inner `None`.
+/// The outer `None` means a reserved mode.
 fn option_mode(mode: u32) -> Option<Option<Source>> {
     match mode {
         0 => Some(None),
@@ -130,8 +131,8 @@ fn controller_mode(mode: u32) -> Option<Option<Source>> {
     }
 }
 
-/// Period of a board timer in ticks of 5 MHz, (divider + 1) x 2 (manual p. 50, 58). The inner `None` means that the
-/// timer is not started. The outer `None` means that the inputs are refused.
+/// Returns the period of a board timer in ticks of 5 MHz: (divider + 1) x 2 (manual p. 50, 58). The inner
+/// `None` means that the timer is not started. The outer `None` means that the inputs are refused.
 fn period(setup: &TimerSetup) -> Option<Option<u64>> {
     let divider = setup.divider.load();
     match (setup.enable.load(), setup.cfg_mode.load()) {

@@ -35,7 +35,8 @@ impl Rig {
         config.a_IP_MASK.iter().zip(mask.octets()).for_each(|(cell, byte)| cell.store(byte));
     }
 
-    /// Executes the manual's sequence (p. 78): writes the address, the mask, then `d_IP_CONFIG`.
+    /// Executes the sequence of the manual (p. 78): writes first the address, then the mask, then
+    /// `d_IP_CONFIG`.
     fn store(&mut self, config: u32, address: Ip, mask: Ip) {
         self.write_address(address, mask);
         self.ethernet.config.d_IP_CONFIG.store(config);
@@ -65,7 +66,7 @@ const EXAMPLE: Ip = Ip::new(192, 168, 75, 190);
 const MASK: Ip = Ip::new(255, 255, 255, 0);
 const OTHER_MASK: Ip = Ip::new(255, 255, 240, 0);
 
-/// The examples of p. 79-80, and the delivery state for any other value of `d_IP_CONFIG`.
+/// The examples of p. 79-80. For any other value of `d_IP_CONFIG`, the address at delivery is used.
 #[test]
 fn addresses_are_those_of_the_manual() {
     let last =
@@ -81,7 +82,8 @@ fn addresses_are_those_of_the_manual() {
     }
 }
 
-/// Manual p. 79-80: x.y.z.0 and x.y.z.255 are not addresses of devices, and 224 + 31 is 255.
+/// Manual p. 79-80: x.y.z.0 and x.y.z.255 are not addresses of devices. 224 + 31 is 255, so it is not allowed
+/// either.
 #[test]
 fn ends_0_and_255_are_not_allowed() {
     let at = |last: u8| Ip::new(10, 0, 0, last);
@@ -168,7 +170,8 @@ fn a_dip_number_can_make_the_address_invalid() {
     assert_eq!(rig.events(), [BoardEvent::NoAddress { config: ip_config::PLUS_DIP, address }]);
 }
 
-/// Manual p. 81: the setting takes effect without `d_IP_CONFIG`, and is independent of the address.
+/// Manual p. 81: the setting takes effect without a write to `d_IP_CONFIG`, and does not depend on the
+/// address.
 #[test]
 fn routers_are_used_unless_they_are_forbidden() {
     let mut rig = Rig::new(0);

@@ -22,13 +22,14 @@ macro_rules! block {
             /// Configures the parameters and the cycle time of the process data exchange in the drive (manual p.
             /// 86-92).
             ///
-            /// The program must call the block until `x_OK` or `x_ERR` is TRUE. With `us_MODE` 2, each call only writes
-            /// the new numbers for [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24) and leaves `x_OK` and `x_ERR` unchanged.
+            /// The program must call the block until `x_OK` or `x_ERR` is TRUE. With `us_MODE` 2, a call only
+            /// writes the new numbers for [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), and `x_OK` and `x_ERR`
+            /// do not change.
             pub struct BAPS_INIT(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.
                     us_HW_TYPE: u8;
-                    /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
+                    /// Event "BAPS process data" that is enabled: 4 or 8; 0 (default): no event.
                     i_EVENT: i16;
                     /// Transmission method and cycle time, see `docs/devices/omega-drive-line-2/baps.md`.
                     w_COMMAND_REG: u16;
@@ -53,11 +54,12 @@ macro_rules! block {
                 out {
                     /// Bit 0: the drive is synchronized to the trigger controller.
                     w_STATUS_REG: u16;
-                    /// The initialization is in progress; with `us_MODE` 1 only.
+                    /// The initialization is in progress. The output can be TRUE only with `us_MODE` 1.
                     x_BUSY: bool;
                     /// Acknowledgement of the drive.
                     b_SL_QUIT: u8;
-                    /// Bit 0: `b_SL_QUIT` is not 16#02, 3: `i_EVENT` is not 0, 4, 8, 4: timeout, 5: event refused.
+                    /// Bit 0: `b_SL_QUIT` is not 16#02; bit 3: `i_EVENT` is not 0, 4 or 8; bit 4: timeout;
+                    /// bit 5: the event was refused.
                     b_ERR: u8;
                     /// `b_ERR` is not 0.
                     x_ERR: bool;
@@ -181,14 +183,14 @@ impl BAPS_INIT {
         self.x_OK = true;
     }
 
-    /// Changes to `phase` with this error; the block is neither busy nor done.
+    /// Changes to `phase` with this error. The outputs are then neither busy nor OK.
     fn end(&mut self, phase: Phase, error: u8) {
         self.internal.phase = phase;
         (self.x_BUSY, self.x_OK) = (false, false);
         (self.b_ERR, self.x_ERR) = (error, error != 0);
     }
 
-    /// The numbers that can be changed while the process data run.
+    /// Writes the numbers that can be changed while the process data run.
     fn write_new_numbers(&self, base: &BAPS_CTRL_BMSTRUCT) {
         let [reference, actual] = self.numbers();
         base.a_WR_PAR_NR.iter().zip(reference).take(2).for_each(|(cell, number)| cell.store(number));

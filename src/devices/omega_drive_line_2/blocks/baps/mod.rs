@@ -1,7 +1,7 @@
 //! The BAPS function blocks (manual 5.00005.03a chapter 6.2, p. 85-120).
 //!
-//! The manual's blocks find the BAPS without an input. Here the BAPS is connected to `_BASE`, as for all other blocks
-//! (decision D-215).
+//! The manual's blocks have no input for the BAPS. Here the BAPS is connected to `_BASE`, as for all other
+//! blocks (decision D-215).
 
 mod init;
 mod par;
@@ -19,5 +19,6 @@ pub use pd_control::BAPS_PD_CONTROL;
 pub use sd_control::BAPS_SD_CONTROL;
 pub use service_data::BAPS_BMSTRUCT;
 
-/// `us_HW_TYPE`: the only existing hardware. With another value a block does nothing (decision D-215).
+/// Value of `us_HW_TYPE` for the only existing hardware. With any other value a block does nothing (decision
+/// D-215).
 const OMEGA_DRIVE_LINE_II: u8 = 0;

@@ -1,4 +1,4 @@
-//! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the own drive (p. 93-98).
+//! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the PLC's own drive (p. 93-98).
 
 use super::service_data::{BAPS_BMSTRUCT, Client, Job, JobKind};
 use crate::devices::cansync::registers::values::par_element;
@@ -13,8 +13,8 @@ function_block! {
             u_PAR_NR: u16;
             /// Element of the parameter; preset 7, its value.
             us_PAR_ELEMENT: u8 = par_element::VALUE;
-            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
-            /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
+            /// Starts the job. The input must stay TRUE until `x_BUSY` becomes FALSE. If it becomes FALSE
+            /// earlier, the job is cancelled, and this block and `BAPS_SD_CONTROL` need `x_RESET`.
             x_EN: bool;
             /// TRUE resets the block.
             x_RESET: bool;
@@ -67,10 +67,11 @@ function_block! {
             x_PAR_FORMAT: bool;
             /// The value to write.
             ud_PAR_VALUE: u32;
-            /// TRUE (default): a wrong format is an error; FALSE: it is shown in `i_ERR_DETAIL` only, with `x_OK`.
+            /// TRUE (default): a wrong format is an error. FALSE: only `i_ERR_DETAIL` shows a wrong format,
+            /// and `x_OK` is TRUE.
             x_EN_ERR_FORMAT: bool = true;
-            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
-            /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
+            /// Starts the job. The input must stay TRUE until `x_BUSY` becomes FALSE. If it becomes FALSE
+            /// earlier, the job is cancelled, and this block and `BAPS_SD_CONTROL` need `x_RESET`.
             x_EN: bool;
             /// TRUE resets the block.
             x_RESET: bool;

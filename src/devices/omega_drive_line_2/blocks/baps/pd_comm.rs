@@ -8,8 +8,8 @@ use crate::plc::{Base, function_block};
 /// Bit 0 of `b_ERR`.
 pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
 
-/// A single exchange: reads the values from the drive, then writes `command` with new values, and with the method
-/// and cycle time of the next communications.
+/// Makes a single exchange: reads the values from the drive, then writes `command`, the new values, and the
+/// method and cycle time of the next communications.
 pub(super) fn exchange(
     base: &BAPS_CTRL_BMSTRUCT,
     command: u8,
@@ -25,8 +25,8 @@ pub(super) fn exchange(
     base.b_COMMAND.store(command);
 }
 
-/// True if an acknowledgement means that values have not been exchanged. 16#00 and 16#FF have no meaning, and 16#02
-/// belongs to the previous configuration (decision D-216).
+/// True if an acknowledgement means that values were not exchanged. 16#00 and 16#FF have no meaning, and
+/// 16#02 is the acknowledgement of the configuration before (decision D-216).
 pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
     !matches!(
         b_SL_QUIT,
@@ -40,18 +40,18 @@ macro_rules! block {
             #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values")]
             #[doc = concat!("with the drive (manual p. ", $page, ").")]
             ///
-            /// A call reads the values of the last communication and writes the values for the next communication. The
-            /// next call then shows the acknowledgement.
+            /// A call reads the values of the last communication and writes the values for the next
+            /// communication. The acknowledgement of this next communication is visible at the next call.
             pub struct $name(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.
                     us_HW_TYPE: u8;
                     /// Control word for the drive.
                     w_CONTROLWORD: u16;
-                    /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
+                    /// Transmission method and cycle time, as at `BAPS_INIT`. Another value changes them.
                     w_COMMAND_REG: u16;
-                    /// Task that calls the block: 0 any task, 1 the event task "BAPS process data". The input has no
-                    /// effect in commram.
+                    /// Task that calls the block: 0 any task, 1 the event task "BAPS process data". The input
+                    /// has no effect in commram.
                     us_MODE: u8;
                     $(
                         #[doc = concat!("Reference value ", $index, ".")]
@@ -71,7 +71,7 @@ macro_rules! block {
                     )*
                     /// Acknowledgement of the drive.
                     b_SL_QUIT: u8;
-                    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` has the reason.
+                    /// Bit 0: the drive has not exchanged the values; `b_SL_QUIT` gives the reason.
                     b_ERR: u8;
                     /// `b_ERR` is not 0.
                     x_ERR: bool;

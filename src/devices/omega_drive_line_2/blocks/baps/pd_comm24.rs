@@ -12,18 +12,19 @@ use core::time::Duration;
 const TIMEOUT: u8 = 1 << 1;
 
 function_block! {
-    /// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
-    /// new parameter numbers during the exchange (manual p. 104-111).
+    /// Exchanges control word, status word, two reference values and four actual values with the drive. The
+    /// block can also change the parameter numbers during the exchange (manual p. 104-111).
     ///
-    /// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
-    /// `us_MODE` 2 has written the numbers. The result stays until the next rising edge (decision D-217).
+    /// A rising edge of `x_RE_INIT_START` begins the re-initialization. [`BAPS_INIT`](super::BAPS_INIT) with
+    /// `us_MODE` 2 must have written the numbers before. The result stays until the next rising edge
+    /// (decision D-217).
     pub struct BAPS_PD_COMM24(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
             /// 0: Omega Drive-Line II; with any other value the block does nothing.
             us_HW_TYPE: u8;
             /// Control word for the drive.
             w_CONTROLWORD: u16;
-            /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
+            /// Transmission method and cycle time, as at `BAPS_INIT`. Another value changes them.
             w_COMMAND_REG: u16;
             /// Task that calls the block: 0 any task, 1 the event task "BAPS process data". The input has no effect in
             /// commram.
@@ -54,12 +55,12 @@ function_block! {
             ud_RD_VALUE3: u32;
             /// Acknowledgement of the drive.
             b_SL_QUIT: u8;
-            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` has the reason; 1: timeout of a
-            /// re-initialization.
+            /// Bit 0: the drive has not exchanged the values; `b_SL_QUIT` gives the reason. Bit 1: timeout of
+            /// a re-initialization.
             b_ERR: u8;
             /// `b_ERR` is not 0.
             x_ERR: bool;
-            /// The last re-initialization has failed; `b_SL_QUIT` has the reason.
+            /// The last re-initialization has failed; `b_SL_QUIT` gives the reason.
             x_RE_INIT_ERR: bool;
             /// The last re-initialization has succeeded.
             x_RE_INIT_OK: bool;
@@ -88,7 +89,7 @@ impl BAPS_PD_COMM24 {
         if !self.x_EN {
             return;
         }
-        // The drive has answered the last command only if it has cleared the command register.
+        // If the drive has cleared the command register, it has answered the last command.
         let answered = _BASE.b_COMMAND.load() == 0;
         self.b_SL_QUIT = _BASE.b_SL_QUIT.load();
         self.w_STATUSWORD = _BASE.w_STATUSWORD.load();
@@ -122,7 +123,7 @@ impl BAPS_PD_COMM24 {
         self.x_ERR = self.b_ERR != 0;
     }
 
-    /// Ends a re-initialization with the drive's answer, or when its time is over.
+    /// Ends a re-initialization when the drive has answered, or when the monitoring time has run out.
     fn watch_re_initialization(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch, answered: bool) {
         let answer =
             (answered && self.internal.command == baps_command::RE_INITIALIZE).then_some(self.b_SL_QUIT);

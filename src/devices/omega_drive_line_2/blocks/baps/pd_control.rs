@@ -1,12 +1,12 @@
-//! `BAPS_PD_CONTROL`: watches that process data are exchanged (p. 117).
+//! `BAPS_PD_CONTROL`: monitors that process data are exchanged (p. 117).
 
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 function_block! {
-    /// Checks that a `BAPS_PD_COMMxx` is called regularly, with or without success (manual p. 117). Must be called in
-    /// another task than that block.
+    /// Checks that a `BAPS_PD_COMMxx` is called regularly, with or without success (manual p. 117). A task
+    /// other than that of the `BAPS_PD_COMMxx` must call this block.
     pub struct BAPS_PD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
             /// TRUE resets the block.
@@ -15,7 +15,7 @@ function_block! {
             t_TIME: Duration = Duration::from_secs(3);
         }
         out {
-            /// No process data were exchanged for `t_TIME`; stays until `x_RESET`.
+            /// No process data were exchanged for `t_TIME`. The output stays TRUE until `x_RESET`.
             x_ERR: bool;
         }
         internal: Option<(u16, Watch)>;

@@ -33,8 +33,9 @@ function_block! {
             t_TIME: Duration = Duration::from_secs(3);
         }
         out {
-            /// Bit 0, 1: a read, write job was dropped; timeouts: 2 at the start, 3 in between, 4 at the end; the last
-            /// job: 5 failed, 6 wrong format.
+            /// Bit 0: a read job was dropped; bit 1: a write job was dropped. Timeouts: bit 2 at the start of
+            /// a job, bit 3 during it, bit 4 at its end. The last job: bit 5 it failed, bit 6 it had a wrong
+            /// format.
             b_ERR: u8;
             /// `b_ERR` is not 0.
             x_ERR: bool;
@@ -87,7 +88,7 @@ impl BAPS_SD_CONTROL {
         }
     }
 
-    /// Continues the job; returns its answer when it has ended.
+    /// Continues the job. If it has ended, returns its answer.
     fn proceed(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, job: &Job) -> Option<Answer> {
         let semaphores = (base.b_MA_SEMAPHORE.load(), base.b_SL_SEMAPHORE.load());
         match (self.internal, semaphores) {

@@ -1,12 +1,12 @@
-//! Types that `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share: there is at most one job at a
+//! Types that `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share. There is at most one job at a
 //! time.
 
-/// Variable through which the blocks of the service data exchange data (manual p. 94, 97, 119). Only these blocks use
-/// its content (decision D-215).
+/// Variable through which the blocks of the service data exchange jobs and answers (manual p. 94, 97, 119).
+/// Only these blocks use its content (decision D-215).
 #[derive(Clone, Debug, Default)]
 pub struct BAPS_BMSTRUCT {
     pub(super) stage: Stage,
-    /// Number of the last ticket; tickets identify the blocks that enter jobs.
+    /// Number of the last ticket. A ticket identifies the block that has entered a job.
     pub(super) tickets: u32,
 }
 
@@ -61,17 +61,17 @@ pub struct Client {
 enum Phase {
     #[default]
     Idle,
-    /// The job of another block is in progress.
+    /// The block waits because the job of another block is in progress.
     Waiting,
     /// The job with this ticket is in progress.
     Running(u32),
-    /// The job has ended; waits until `x_EN` falls.
+    /// The job has ended. The block waits until `x_EN` is FALSE.
     Done,
     /// Cancelled or disturbed: only `x_RESET` helps.
     Locked,
 }
 
-/// Result of a call, from which the outputs follow.
+/// Result of a call. It determines the outputs.
 pub(super) enum Outcome {
     Unchanged,
     Cleared,
@@ -80,7 +80,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// Returns `x_BUSY` and, if there is one, the answer; `None` if the outputs do not change.
+    /// Returns `x_BUSY` and, if there is one, the answer. Returns `None` if the outputs must not change.
     pub(super) fn shown(self) -> Option<(bool, Option<Answer>)> {
         match self {
             Outcome::Unchanged => None,
@@ -92,7 +92,7 @@ impl Outcome {
 }
 
 impl Client {
-    /// Runs one call: enters `job` on `enable`, waits for its answer.
+    /// Runs one call. If `enable` is true, enters `job` and waits for its answer.
     pub(super) fn step(
         &mut self,
         shared: &mut BAPS_BMSTRUCT,
@@ -127,7 +127,8 @@ impl Client {
                 Outcome::Answered(answer)
             }
             (Phase::Running(ticket), Stage::Entered(of)) if of.ticket == ticket => Outcome::Busy,
-            // Another block has reset the shared variable in the meantime, so no answer will come.
+            // Another block has reset the shared variable while the job was in progress, so no answer will
+            // come.
             (Phase::Running(_), _) => {
                 self.phase = Phase::Locked;
                 Outcome::Answered(Answer { communication: -1, ..Answer::default() })
@@ -170,7 +171,7 @@ mod tests {
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
         let mut running = one;
-        // The shared variable was reset, and another block has taken it in the meantime.
+        // The shared variable was reset, and another block has used it since then.
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);

@@ -1,4 +1,4 @@
-//! RUN/STOP/RESET switch, seven-segment display, supply, starts of the program.
+//! Tests the RUN/STOP/RESET switch, the seven-segment display, the supply, and starts of the program.
 
 use super::*;
 use crate::devices::omega_drive_line_2::registers::RETAIN;
@@ -23,7 +23,7 @@ impl Rig {
         (char::from(display as u8), display & 0x100 != 0)
     }
 
-    /// Returns the number of ordered starts, and the last one.
+    /// Returns the number of starts that were ordered, and the kind of the last one.
     pub(super) fn ordered(&self) -> (u32, Start) {
         let kind = Start::from_code(self.header.program.start_kind.load()).unwrap();
         (self.header.program.start.rings(), kind)
@@ -132,7 +132,8 @@ fn invalid_numbers_change_nothing() {
     assert_eq!(rig.board.dip(), 31, "five switches");
 }
 
-/// Manual p. 38: cold start after a project was sent, warm start at every further change from STOP to RUN.
+/// Manual p. 38: the first start of a project that was sent is a cold start. Every later change from STOP to
+/// RUN is a warm start.
 #[test]
 fn a_new_project_starts_cold_and_then_warm() {
     let mut rig = Rig::new();
@@ -166,7 +167,8 @@ fn kept_retain_flags_make_the_first_start_warm() {
     }
 }
 
-/// Manual p. 38: a cold start sets the retain flags to their initial values, warm and hot start do not change them.
+/// Manual p. 38: a cold start sets the retain flags to their initial values. Warm and hot starts do not
+/// change them.
 #[test]
 fn a_cold_start_alone_touches_the_retain_flags() {
     let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, Project::Boot);
@@ -196,8 +198,8 @@ fn a_cold_start_alone_touches_the_retain_flags() {
     assert_eq!((flag(&rig), rig.ordered().1), ([5, 99], Start::Warm), "NOVRAM keeps them");
 }
 
-/// Manual p. 37, 40: a project that was only sent is lost after a reset, and the display shows it; the boot project is
-/// loaded again.
+/// Manual p. 37, 40: if a project was sent but is not a boot project, a reset loses it, and the display shows
+/// the loss. The reset loads the boot project again.
 #[test]
 fn a_reset_loses_a_project_that_was_only_sent() {
     for (project, after, display) in
@@ -212,7 +214,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
         rig.header.board.switch.store(RunSwitch::Stop.code());
         rig.start();
         assert_eq!((rig.header.program.state.load(), rig.display()), (after.code(), (display, false)));
-        // A late report of the lost project's program does not restore the project.
+        // The program of the lost project reports its state late. This report does not restore the project.
         rig.program(ProgramState::Cyclic);
         rig.turn(RunSwitch::Run);
         let is_back = project == Project::Boot;
@@ -229,7 +231,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
     }
 }
 
-/// Manual p. 38: a new project is started cold, once.
+/// Manual p. 38: only the first start of a new project is a cold start.
 #[test]
 fn a_project_can_be_sent_and_deleted() {
     let mut rig = Rig::new();
@@ -254,7 +256,7 @@ fn a_project_can_be_sent_and_deleted() {
     assert_eq!((rig.header.project_request.load(), rig.ordered().0), (0, 5), "no such project");
 }
 
-/// Decision D-300: while switch or program are at STOP no event occurs, so no event task runs.
+/// Decision D-300: while the switch or the program is at STOP, no event occurs, so no event task runs.
 #[test]
 fn no_event_occurs_at_stop() {
     let mut rig = Rig::new();
