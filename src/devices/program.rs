@@ -1,5 +1,5 @@
-//! Starts and stops of the program of a device that has no RUN/STOP switch. The program may run while the device is up
-//! (decision D-630).
+//! Starts and stops of the program, for devices without a RUN/STOP switch. The program may run while the
+//! device is up (decision D-630).
 
 use super::Context;
 use super::records::{BoardEvent, OnBoard};
@@ -18,7 +18,7 @@ pub(super) struct Starts {
 
 snapshot_fields!(Starts { values: seen, is_loaded, is_new });
 
-/// Cells of the header page that clients write, with their values at the last poll.
+/// Values that the cells of the header page had at the last poll. Only cells that clients write are included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct ProgramCells {
     requests: u32,
@@ -45,8 +45,8 @@ impl Starts {
         ProgramCells::now(face) != self.seen
     }
 
-    /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last requested start or
-    /// stop.
+    /// Polls the requests and reports of clients. With `is_up`, the program may run. Returns the start or
+    /// stop that was requested last.
     pub(super) fn look(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let seen = ProgramCells::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
@@ -58,7 +58,8 @@ impl Starts {
         ordered
     }
 
-    /// Called at power-on. Starts a loaded program, with a warm start unless the program is new.
+    /// Called at power-on. Starts the program if one is loaded. A new program gets a cold start, any other
+    /// program a warm start.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> Option<Start> {
         self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
     }
@@ -105,8 +106,8 @@ pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
     report(ctx, BoardEvent::StartRefused { code: code as u8 });
 }
 
-/// Refuses the request of a client to set the initial value of a retain flag: the device has no cold start that would
-/// write it.
+/// Refuses the request of a client to set the initial value of a retain flag. The device has no cold start
+/// that would write the value.
 pub(super) fn refuse_initial_flag(face: &FirmwareHeader) {
     let (slot, request) = (&face.initial_flag, face.requested().initial_flag.request.load());
     if request != slot.answer.load() {
@@ -163,7 +164,7 @@ mod tests {
         }
     }
 
-    /// A stopped program that reports its state is not a new program.
+    /// If a stopped program reports its state, this does not count as a new program.
     #[test]
     fn a_program_starts_when_it_comes_and_when_the_supply_comes() {
         let mut rig = Rig::new();
@@ -191,7 +192,7 @@ mod tests {
         assert_eq!((rig.power_on(), rig.power_on()), (Some(Start::Cold), Some(Start::Warm)));
     }
 
-    /// A refused request is answered, so no client waits for ever.
+    /// A refused request is answered, so that no client waits without a limit.
     #[test]
     fn initial_values_of_retain_flags_are_refused() {
         let mut rig = Rig::new();

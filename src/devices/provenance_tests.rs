@@ -1,5 +1,5 @@
-//! Checks that every fact of the register maps is either documented, with its page, or follows from a decision in one
-//! of the pages `decisions.md` of the documentation.
+//! Checks the sources of all facts of the register maps. A fact either is documented, with its page, or
+//! follows from a decision in one of the pages `decisions.md` of the documentation.
 
 use super::all;
 use super::omega_drive_line_2::registers::DEVICE;
@@ -27,7 +27,7 @@ fn meanings() -> BTreeMap<&'static str, &'static Meaning> {
     registers().filter_map(|register| register.meaning).map(|meaning| (meaning.name, meaning)).collect()
 }
 
-/// Returns all sources of a meaning with the texts that they cover.
+/// Returns all sources in a meaning, each with the text that has this source.
 fn sources(meaning: &Meaning) -> Vec<(&'static str, Provenance)> {
     let values = |of: &'static [ValueMeaning]| of.iter().map(|value| (value.text, value.source));
     let bits = meaning.bits.iter().flat_map(|bit| values(bit.values).chain([(bit.name, bit.source)]));
@@ -94,7 +94,7 @@ fn every_fact_of(device: &'static DeviceLayout) {
     }
 }
 
-/// Facts that no manual states are marked as such.
+/// Facts that no manual states must have the mark `inferred`.
 #[test]
 fn undocumented_facts_are_marked() {
     let decisions = |meaning: &str| -> Vec<_> {
@@ -147,7 +147,8 @@ fn the_sources_of_registers_are_those_of_the_facts() {
     assert_eq!(source("ethernet_config.d_ROUTER", "offset"), None);
 }
 
-/// Sub-structures are shared; the page belongs to the structure that the register is looked up in.
+/// Several structures share a sub-structure. A register's page depends on the structure in which the register
+/// is found.
 #[test]
 fn registers_of_sub_structures_have_the_page_of_their_use() {
     let page = |name: &str| DEVICE.register(name).unwrap().register.page;

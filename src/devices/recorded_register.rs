@@ -1,15 +1,18 @@
-//! Registers in which the firmware shows results, error numbers and states to the PLC, without a handshake.
+//! Registers in which the firmware shows results, error numbers and states to the PLC. They have no
+//! handshake.
 
 use crate::devices::Context;
 use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
-/// A register with recorded changes. Process data are not recorded: the frames contain them.
+/// A register with changes that the journal records. Process data are not recorded, because the journal
+/// already has the frames that contain them.
 pub(crate) trait RecordedRegister {
     /// Value of the register.
     type Value;
 
-    /// Stores `value` and records a change. `offset` is the offset of the register in its area.
+    /// Stores `value`, and records a change in the journal. `offset` is the offset of the register in its
+    /// area.
     fn show(&self, ctx: &mut Context, offset: usize, value: Self::Value);
 }
 

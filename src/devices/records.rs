@@ -44,9 +44,10 @@ impl Part for BoardEvent {
 /// An event on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardEvent {
-    /// Power-on, or RESET was released: all registers have their start values.
+    /// Power-on, or RESET was released. All registers have their start values.
     Up {
-        /// Number at the DIP switches of the device itself; `None` if it has none, even if its modules have some.
+        /// Number at the DIP switches of the device itself. `None` if it has no such switches; its modules
+        /// may still have some.
         dip: Option<u8>,
     },
     /// The supply was switched off, or RESET is held.
@@ -66,7 +67,8 @@ pub enum BoardEvent {
         /// Project that the board has loaded.
         project: Project,
     },
-    /// A requested start is not possible: the switch is not at RUN, or there is no program or no such start.
+    /// A requested start is not possible: the switch is not at RUN, no program is loaded, or the kind of
+    /// start does not exist.
     StartRefused {
         /// Number of the requested start.
         code: u8,
@@ -118,7 +120,7 @@ pub enum BoardEvent {
         /// Address in the register `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
-    /// With this DIP number the stored address is not allowed, so the board has no address.
+    /// With the present DIP number, the stored address is not allowed. So the board has no address.
     NoAddress {
         /// Value of the register `d_IP_CONFIG`.
         config: u32,
@@ -127,11 +129,11 @@ pub enum BoardEvent {
     },
 }
 
-/// Number of [`BoardEvent::Up`] in the journal for a device without DIP switches.
+/// Number that the journal stores in [`BoardEvent::Up`] if a device has no DIP switches.
 const NO_DIP: u64 = 1 << 8;
 
 impl BoardEvent {
-    /// Returns the number of the event kind, and the numbers of the event.
+    /// Returns the number of the event's kind, and the values of the event as one number.
     fn words(&self) -> (u8, u64) {
         let address_words =
             |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());
@@ -158,8 +160,8 @@ impl BoardEvent {
         }
     }
 
-    /// Converts the numbers back to an event; `None` if no event has such numbers. Some invalid numbers are accepted,
-    /// too.
+    /// Converts the numbers back to an event; `None` if no event has these numbers. The check is not
+    /// complete: some invalid numbers are accepted.
     fn from_words(what: u8, numbers: u64) -> Option<Self> {
         let [first, second, third, fourth, ..] = numbers.to_le_bytes();
         let code = u32::from(first);

@@ -1,4 +1,5 @@
-//! Registry of devices: the devices of commram, and the devices that a program adds before the first use.
+//! Registry of devices. It has the devices of commram, and the devices that a program adds before the first
+//! lookup.
 
 #[cfg(feature = "emulator")]
 mod emulation;
@@ -22,13 +23,14 @@ pub use emulation::Emulation;
 pub struct Registered {
     /// Areas, registers, ports and times of the device.
     pub layout: &'static Layout,
-    /// Names of the elements of its board, from [`BoardWords::NAMES`](header::BoardWords::NAMES). Every list has `power`
-    /// and `restarts`.
+    /// Names of the elements of the device's board, from [`BoardWords::NAMES`](header::BoardWords::NAMES).
+    /// Every list contains `power` and `restarts`.
     pub board: &'static [&'static str],
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]
     pub blocks: &'static [BlockKind],
-    /// The structures in IEC Structured Text, in the order that a compiler needs; empty if there is no such text.
+    /// The structures in IEC Structured Text, in the order that a compiler needs. Empty if the device has no
+    /// such text.
     #[cfg(feature = "plc")]
     pub st: &'static [StPart],
     /// Firmware of the device, with its section of plant files, journal records, rules and faults.
@@ -37,8 +39,8 @@ pub struct Registered {
 }
 
 impl Registered {
-    /// Returns a device with registers only. Use it as the base of a struct update to set other properties:
-    /// `Registered { blocks: BLOCKS, ..Registered::new(&DEVICE) }`.
+    /// Returns a device that has only registers. Use it as the base of a struct update to set other
+    /// properties: `Registered { blocks: BLOCKS, ..Registered::new(&DEVICE) }`.
     #[must_use]
     pub const fn new(layout: &'static Layout) -> Self {
         Registered {
@@ -54,7 +56,7 @@ impl Registered {
     }
 }
 
-/// The devices of commram itself, the default one first. Each folder has its entry.
+/// The devices of commram itself. The first one is the default. Each device folder has its entry here.
 static BUILT_IN: &[&Registered] = &[
     &omega_drive_line_2::REGISTERED,
     &bm4_o_can_06::REGISTERED,
@@ -72,7 +74,7 @@ pub enum RegisterError {
         /// Name of the device that was added too late.
         name: &'static str,
     },
-    /// The name, number or hash is already taken.
+    /// The name, number or hash already belongs to another device.
     #[error("device '{name}' has {what} {taken} of '{other}'; each belongs to one device or family")]
     Taken {
         /// Name of the device that cannot be added.
@@ -86,7 +88,7 @@ pub enum RegisterError {
     },
 }
 
-/// Devices in the order of their registration; the first lookup ends the registration.
+/// Devices in the order of their registration. The first lookup ends the registration.
 struct Registry {
     added: Mutex<Vec<&'static Registered>>,
     all: OnceLock<Vec<&'static Registered>>,
@@ -108,7 +110,7 @@ impl Registry {
     }
 
     fn register(&self, device: &'static Registered) -> Result<(), RegisterError> {
-        // While this lock is held, the first lookup waits.
+        // As long as this lock is held, a first lookup in another thread waits.
         let mut added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
         let name = device.layout.name;
         if self.all.get().is_some() {
@@ -133,7 +135,7 @@ struct Claim {
     owner: &'static str,
     what: &'static str,
     value: String,
-    /// Identifies the owner if several devices may share the claim, such as the devices of a family.
+    /// Identifies the owner of a claim that several devices may share, for example the devices of a family.
     shared: Option<*const ()>,
 }
 
@@ -190,7 +192,7 @@ fn claims_of(
     of_records.chain(of_rules).chain(of_faults)
 }
 
-/// Claims that are the same for every device, and claims of buses.
+/// Returns the claims that do not depend on a device, and the claims of buses.
 fn generic_claims() -> Vec<Claim> {
     #[cfg(feature = "emulator")]
     let claims =
@@ -200,17 +202,18 @@ fn generic_claims() -> Vec<Claim> {
     claims
 }
 
-/// Adds a device of another crate. The program must call this before anything else, so that every lookup in commram
-/// finds the device. The program then calls [`cli::main`](crate::cli::main), or uses parts of the library.
+/// Adds a device of another crate. The program must call this before any other function of commram, so that
+/// every lookup finds the device. The program then calls [`cli::main`](crate::cli::main), or uses parts of
+/// the library.
 ///
 /// # Errors
-/// [`RegisterError`]: the name, the layout hash, or the number or name of a record, rule or fault is taken, or a device
-/// has already been looked up.
+/// [`RegisterError`]: the name or the layout hash already belongs to another device, so does the number or
+/// name of a record, rule or fault, or a lookup has already taken place.
 pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
     REGISTRY.register(device)
 }
 
-/// Returns every device, the default one first. After this call, no device can be added.
+/// Returns all devices. The first one is the default. After this call, no device can be added.
 #[must_use]
 pub fn all() -> &'static [&'static Registered] {
     REGISTRY.all()
@@ -222,13 +225,14 @@ pub fn default() -> &'static Registered {
     BUILT_IN[0]
 }
 
-/// Returns the device with this name, which `--device` and plant files use.
+/// Returns the device with this name. `--device` and plant files use these names.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.name == name)
 }
 
-/// Returns the device of an image with this layout hash in its header, or of a folder that this process has read.
+/// Returns the device with this layout hash, which the header of an image contains. The device belongs to the
+/// program, or to a folder that this process has read.
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     let known = all().iter().copied().find(|it| it.layout.layout_hash == hash);
@@ -237,13 +241,13 @@ pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     known
 }
 
-/// Elements of the device's board: [`Registered::board`]; all elements for an unknown device.
+/// Returns the elements of the device's board: [`Registered::board`], or all elements for an unknown device.
 #[must_use]
 pub fn board_of(layout: &Layout) -> &'static [&'static str] {
     of_hash(layout.layout_hash).map_or(&header::BoardWords::NAMES, |known| known.board)
 }
 
-/// Attaches to the image of a PLC of any device, and returns the device.
+/// Attaches to the image of a PLC. The PLC may be any device. Returns the image and the device.
 ///
 /// # Errors
 /// Returns the errors of [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
@@ -291,7 +295,7 @@ mod tests {
         assert!(find("omega").is_none() && of_hash(0).is_none());
     }
 
-    /// The header page has one more area, for the retain flags.
+    /// The header page has one more area than the layout: the retain flags.
     #[test]
     fn areas_and_ports_of_every_device_fit_into_the_header_page() {
         for layout in all().iter().map(|known| known.layout) {

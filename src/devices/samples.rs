@@ -1,4 +1,4 @@
-//! Samples for tests of other modules, with names that belong to no device.
+//! Samples for tests of other modules. Through these names, such tests need not name a device.
 
 #[cfg(feature = "emulator")]
 mod events;
@@ -8,7 +8,7 @@ pub(crate) mod master;
 mod station;
 pub(crate) mod tables;
 
-/// A function block of the built-in plant's device, which has an input `us_BAUDRATE`.
+/// A function block of the device in the built-in plant. It has an input `us_BAUDRATE`.
 #[cfg(feature = "cli")]
 pub(crate) const BLOCK: &str = "CANsync_INIT";
 

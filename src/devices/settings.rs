@@ -39,12 +39,12 @@ pub enum BuildError {
     /// A number out of its range.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// Settings that a check of the device or bus itself refuses.
+    /// Settings that the device or bus itself refuses.
     #[error("{reason}")]
     Own {
         /// Name of the device or bus in the plant file.
         name: String,
-        /// Path in the section, such as `zk.zk_0`; empty if the error has no particular path.
+        /// Path in the section, such as `zk.zk_0`; empty if the error is not about a particular path.
         at: String,
         /// Description of the error and of a correct value.
         reason: String,
@@ -52,13 +52,13 @@ pub enum BuildError {
 }
 
 impl BuildError {
-    /// Creates an error that only `name` can detect, with its path in the section.
+    /// Creates an error that the device or bus `name` itself has found. `at` is the path in its section.
     pub(crate) fn own(name: &str, at: &str, reason: String) -> Self {
         Self::Own { name: name.to_owned(), at: at.to_owned(), reason }
     }
 }
 
-/// Checks that `value` is `allowed`; `right` describes a correct value.
+/// Checks that `value` is in `allowed`. `right` describes a correct value.
 ///
 /// # Errors
 /// [`SettingError`] with the key `what` of the device or bus `name`.
@@ -75,7 +75,7 @@ pub(crate) fn range(
     Err(SettingError { what, name: name.to_owned(), value, right })
 }
 
-/// Checks a time in us that may be 0: at most one hour.
+/// Checks a time in us. It may be 0, and is at most one hour.
 ///
 /// # Errors
 /// Returns the errors of [`range`].
@@ -93,7 +93,8 @@ pub(crate) fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> R
 
 /// Creates an error about the text at `span` of the plant file; the message contains the line.
 pub(crate) fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
-    // The reader sets the position of an error only while it reads a value, so this reads a value at `span`.
+    // The reader sets the position of an error only while it reads a value. So this code reads a value at
+    // `span` and fails.
     let value = ValueDeserializer::from(Spanned::new(span, DeValue::Boolean(false)));
     match (Refusal { text }).deserialize(value) {
         Err(error) => error,
@@ -101,7 +102,7 @@ pub(crate) fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
     }
 }
 
-/// A deserializer that accepts no value, and returns the reason.
+/// A deserializer that accepts no value. Its error is the text.
 struct Refusal {
     text: String,
 }

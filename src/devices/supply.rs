@@ -1,5 +1,5 @@
-//! The supply of a device, controlled by its switch in the header page. A reset has the same effect as switching the
-//! supply off and on.
+//! The supply of a device. Its switch is in the header page. A reset has the effect of switching the supply
+//! off and on.
 
 use super::records::{BoardEvent, OnBoard};
 use super::{Context, FrontAction, Power};
@@ -10,10 +10,10 @@ use crate::snapshot_fields;
 /// State of the supply and of the device.
 pub(super) struct Supply {
     is_powered: bool,
-    /// True if the supply has power when the switch is on.
+    /// True if the supply has power while the switch is on.
     is_fed: bool,
     is_up: bool,
-    /// True if the device was up before. The first power-on is not recorded as an event.
+    /// True if the device was up before. The journal has no record of the first power-on.
     is_used: bool,
     /// Position of the switch at the last poll.
     seen: u32,
@@ -22,7 +22,7 @@ pub(super) struct Supply {
 snapshot_fields!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
-    /// Creates a supply that is on, of a device that has not started yet.
+    /// Creates a supply that is switched on. The device has not started yet.
     pub(super) fn new(face: &FirmwareHeader) -> Self {
         Supply {
             is_powered: true,
@@ -37,12 +37,12 @@ impl Supply {
         self.is_up
     }
 
-    /// True if the supply has power, as last reported.
+    /// True if the supply had power at the last call of `feed`.
     pub(super) fn is_fed(&self) -> bool {
         self.is_fed
     }
 
-    /// Called when the supply before the switch fails or returns.
+    /// Called when the power that reaches the switch fails or returns.
     pub(super) fn feed(&mut self, face: &FirmwareHeader, is_fed: bool) -> FrontAction {
         self.is_fed = is_fed;
         self.look(face)
@@ -76,7 +76,7 @@ impl Supply {
         if on { FrontAction::Up } else { FrontAction::Off }
     }
 
-    /// Called when the device starts. Every start except the first is an event.
+    /// Called when the device starts. The journal records every start except the first.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.is_up = true;
         face.program.restarts.increment();

@@ -1,10 +1,10 @@
-//! Receivers of a bus's traffic: guests that listen to the bus. Without guests, they cost no time.
+//! Receivers of a bus's traffic: guests that listen to the bus. A bus without guests loses no time.
 
 use crate::door::{BusMessage, Guest};
 use std::sync::Arc;
 
-/// The guests that receive the traffic of a bus. Snapshots contain none: a restored bus has no guests until they are
-/// connected again.
+/// The guests that receive the traffic of a bus. Snapshots do not contain them: a restored bus has no guests
+/// until they connect again.
 #[derive(Default)]
 pub(crate) struct TrafficReceivers(Vec<Arc<Guest>>);
 

@@ -104,7 +104,6 @@ impl DpTelegram {
     }
 }
 
-/// Returns octets in hexadecimal, each with the prefix `before`.
 /// Returns the event of a token or receipt; `None` for a frame, which is a [`DpTelegram`].
 pub(super) fn short(bus: BusIndex, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
     let token = match telegram {
@@ -158,7 +157,7 @@ impl EventText for DpTelegram {
         let frame = self.frame(reader.octets().as_deref());
         let first = hex(&frame.data[..frame.data.len().min(4)], "");
         let fields = fields.with("octets", self.octets() as u32).with("first", first);
-        // If the event does not contain all data, the field for the data is omitted.
+        // If the event does not contain all data, the field for the data is left out.
         let whole = (frame.data.len() == self.octets()).then(|| hex(&frame.data, ""));
         let fields = fields.with_any("data", whole);
         let fields = fields.with("sum", self.sum);

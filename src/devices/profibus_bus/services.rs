@@ -1,5 +1,6 @@
-//! Services of DP as text: their names by service access point, and the octets that have the same meaning for every
-//! slave. Octets with a meaning that depends on the slave stay numbers.
+//! Services of DP as text. The names of the services follow from the service access points. Octets are
+//! described if they have one meaning for all slaves. Octets with a meaning that depends on the slave stay
+//! numbers.
 
 use crate::plural::plural_of;
 use crate::profibus::{Frame, FunctionCode};
@@ -24,7 +25,7 @@ const MASTER: u8 = 62;
 /// Bits of octet 1 of Set_Prm, from bit 3 on.
 const PRM_STATUS: [&str; 5] = ["WD_On", "Freeze_Req", "Sync_Req", "Unlock_Req", "Lock_Req"];
 
-/// Bits of octets 1 and 2 of a diagnosis; an empty name is a bit without a meaning, or always 1.
+/// Bits of octets 1 and 2 of a diagnosis. An empty name means that the bit has no meaning, or is always 1.
 const STATUS_1: [&str; 8] = [
     "Station_Non_Existent",
     "Station_Not_Ready",
@@ -38,10 +39,10 @@ const STATUS_1: [&str; 8] = [
 const STATUS_2: [&str; 8] =
     ["Prm_Req", "Stat_Diag", "", "WD_On", "Freeze_Mode", "Sync_Mode", "", "Deactivated"];
 
-/// Address of the master in a diagnosis of a slave without one.
+/// Value of the master's address in a diagnosis, if the slave has no master.
 const NO_MASTER: u8 = 255;
 
-/// Returns the name of the service that a telegram belongs to; `None` for exchange of data, and for telegrams that DP does
+/// Returns the name of a telegram's service. `None` for an exchange of data, and for a telegram that DP does
 /// not use.
 pub(super) fn name(frame: &Frame) -> Option<&'static str> {
     let sap = if FunctionCode::is_answer(frame.fc) {
@@ -52,7 +53,7 @@ pub(super) fn name(frame: &Frame) -> Option<&'static str> {
     SERVICES.iter().find(|(known, _)| Some(*known) == sap).map(|(_, name)| *name)
 }
 
-/// Returns the text of the octets of a telegram, if its service defines them for all slaves.
+/// Returns the text of the octets of a telegram, if the telegram's service defines them for all slaves.
 pub(super) fn text(frame: &Frame) -> Option<String> {
     match (name(frame)?, FunctionCode::is_answer(frame.fc)) {
         ("Set_Prm", false) => parameters(&frame.data),

@@ -12,9 +12,10 @@ use crate::journal::{EventKind, Rule};
 pub struct Emulation {
     /// Reads the section of the device in a plant file; `None` if the device has only registers.
     pub read: Option<Read<dyn DeviceConfig>>,
-    /// JSON schema of the keys of the device's section, except `kind`; `#/definitions/name` is the schema of names.
+    /// JSON schema of the keys of the device's section, except `kind`. `#/definitions/name` is the schema of
+    /// names.
     pub schema: Option<&'static str>,
-    /// A template of a plant file with the device. Its first device shows every key.
+    /// A template of a plant file with the device. The first device in it shows every key.
     pub template: Option<&'static str>,
     /// First exchange of a program with the device in the template, for `commram new`; `None` if there is none.
     pub first_exchange: Option<FirstExchange>,

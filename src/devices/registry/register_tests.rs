@@ -12,10 +12,10 @@ rules! {
 }
 
 event_kinds! {
-    /// A kind with the number of a frame.
+    /// A kind with the number that kind `frame` already has.
     NumberOfFrames = 2, "own", Rare, at plc {}
 
-    /// A kind with the name of a frame.
+    /// A kind with the name that kind `frame` already has.
     NameOfFrames = 250, "frame", Rare, at plc {}
 }
 

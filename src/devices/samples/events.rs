@@ -9,12 +9,13 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
     event_at(proptest::sample::select(&catalogue().kinds[..]), any::<(u16, u8)>())
 }
 
-/// Any event of these kinds, of the bus or the PLC of this index and the port of this number.
+/// Returns any event of these kinds. It belongs to the bus or PLC of this index, or to the port of this
+/// number.
 pub(crate) fn event_at(
     kind: impl Strategy<Value = &'static EventKind>,
     place: impl Strategy<Value = (u16, u8)>,
 ) -> impl Strategy<Value = Event> {
-    // The range includes values that consist of two small numbers, and the index of a guest.
+    // The strategy includes values that consist of several small numbers, and the index of a guest.
     let two = (0..9_u32, 0..5_u32, 1..4_u32).prop_map(|(low, high, octet)| low | high << (8 * octet));
     let guest = 0x00FF_FF01..0x00FF_FF04_u32;
     let number = prop_oneof![
@@ -114,8 +115,8 @@ mod tests {
                 Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.0.into())),
             };
             prop_assert_eq!((line["bus"].as_str(), line["plc"].as_str()), (place.0.as_deref(), place.1.as_deref()));
-            // If the kind has a field with the name of the place (`node`), the line has the field of the kind and not
-            // the place.
+            // If the kind itself has a field with the name of the place (`node`), the line contains this
+            // field instead of the place.
             prop_assert!(place.2.is_none() || number("node") == place.2);
         }
 

@@ -1,4 +1,4 @@
-//! A station on a CAN bus that the test controls, on the same bus as the port of a device.
+//! A station on a CAN bus that the test controls. The port of a device is on the same bus.
 
 use super::tables::STATION;
 use crate::can::Frame;
@@ -13,7 +13,7 @@ use embedded_can::{Frame as _, Id};
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
 
-/// Frames that the station sends, and frames that it has received with their times.
+/// The frames that the station has to send, and the frames that it has received with their times.
 #[derive(Default)]
 pub(crate) struct Wires {
     pub(crate) to_send: Vec<Frame>,
@@ -45,7 +45,7 @@ impl CanPort for Master {
     }
 }
 
-/// Returns a bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
+/// Returns a bus of 125 kbit/s. The port of a device is at place 0, and the station is at place 1.
 pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
     let mut bus = CanBusConfig::read(bus).unwrap().build(BusIndex(0)).unwrap();
@@ -63,7 +63,8 @@ pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     (bus, wires)
 }
 
-/// Runs a processor cycle of the device and the station at `now`, and then the bus until the next cycle at `until`.
+/// Runs a processor cycle of the device and of the station at `now`. Then runs the bus until the next cycle
+/// at `until`.
 pub(crate) fn cycle(bus: &mut dyn Bus, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
     for place in 0..2 {
         bus.processor_cycle(place, now, journal);

@@ -1,5 +1,5 @@
-//! Register tables: of a device with fixed nodes, of a device with modules in slots, of a device with switches, of an
-//! I/O module, and of a station without any.
+//! Register tables of five kinds of devices: with fixed nodes, with modules in slots, with switches, an I/O
+//! module, and a station without registers.
 
 #[cfg(feature = "emulator")]
 pub(crate) use super::station::STATION;

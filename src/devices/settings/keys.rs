@@ -1,9 +1,9 @@
-//! Keys of a section of the plant file, from one table.
+//! Declares the keys of a section of the plant file in one table.
 
 use serde_json::{Map, Value, json};
 
-/// Declares a section of the plant file: the structure that serde reads, its JSON Schema (`schema`), and its lines in
-/// `docs/reference/plant.md` (`lines`).
+/// Declares a section of the plant file. The macro makes the structure that serde reads, its JSON Schema
+/// (`schema`), and its lines in `docs/reference/plant.md` (`lines`).
 ///
 /// The table has the description of the section, the name of the structure, and the text of the error for a section
 /// that is not a table. Each key has a description, a type, a schema without the description, an example, and a note
@@ -50,8 +50,8 @@ macro_rules! plant_keys {
 
 pub(crate) use plant_keys;
 
-/// Returns the schema of a section with these keys: name, type in Rust, description, and schema without the
-/// description.
+/// Returns the schema of a section with these keys. Each key has a name, a type in Rust, a description, and a
+/// schema without the description.
 pub(crate) fn section<const N: usize>(about: &str, keys: [(&str, &str, &str, Value); N]) -> Value {
     let mut properties = Map::new();
     properties.insert("name".to_owned(), json!({ "$ref": "#/definitions/name" }));
@@ -72,7 +72,7 @@ pub(crate) fn section<const N: usize>(about: &str, keys: [(&str, &str, &str, Val
     })
 }
 
-/// Returns a key of an example with a note.
+/// Returns the line of an example: a key with its value and a note.
 #[cfg(test)]
 pub(crate) fn line(key: &str, example: &str, note: &str) -> String {
     let text = format!("{key} = {example}");

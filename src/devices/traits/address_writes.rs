@@ -1,4 +1,4 @@
-//! Writes of clients by address, which a device can answer immediately.
+//! Writes of clients by address. A device can answer them immediately.
 
 use crate::devices::Context;
 
@@ -7,8 +7,8 @@ pub trait AddressWrites {
     /// Called after a client has written `bytes` bytes at `offset` by address.
     fn written_by_address(&self, offset: u32, bytes: u32);
 
-    /// True if the firmware answers a write at `offset` immediately when it comes through the channel, even if the
-    /// value is unchanged.
+    /// True if the firmware immediately answers a write at `offset` that comes through the channel, even if
+    /// the value does not change.
     fn answers_write(&self, offset: u32) -> bool;
 
     /// Handles a write that [`AddressWrites::answers_write`] has accepted.

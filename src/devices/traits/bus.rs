@@ -1,4 +1,4 @@
-//! Interface between a plant and a bus with the ports of devices and other participants.
+//! Interface between a plant and a bus. A bus has ports of devices and other participants.
 
 use crate::devices::{
     BuildError, BusGuests, BusView, Context, Drives, Faulty, PortWatch, SyncLine, SyncSignal,
@@ -17,11 +17,12 @@ pub struct World<'a> {
     pub journal: &'a mut Journal,
     /// The faults that wait or act.
     pub faults: &'a mut Faults,
-    /// Ports with a SYNC edge in this event. After the event, the plant notifies their devices in this order.
+    /// Ports at which this event is a SYNC edge. After the event, the plant notifies their devices in this
+    /// order.
     pub edges: &'a mut Vec<Origin>,
 }
 
-/// A port of a device, before it is attached to a bus. The device creates it.
+/// A port of a device before it is attached to a bus. The device creates the plug.
 pub struct Plug {
     /// Number of the port in the device's layout.
     pub number: PortNumber,
@@ -33,11 +34,12 @@ pub struct Plug {
     pub socket: Box<dyn Any + Send>,
 }
 
-/// A bus of a plant. A bus runs the firmware of the ports that are attached to it, so an event reaches all affected
-/// ports without calls to their devices. Features that only some buses have are optional methods: a watch over the
-/// ports, guests, a SYNC signal, drives, faults.
+/// A bus of a plant. It runs the firmware of the ports that are attached to it. So an event reaches all
+/// affected ports without calls to their devices. Functions for features that only some buses have return
+/// `None` by default: a watch over the ports, guests, a SYNC signal, drives, faults.
 pub trait Bus: BusView + Any + Send + SnapshotFields {
-    /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.
+    /// Attaches a port by the [`Plug::socket`] of a device. Returns the port's place, which identifies the
+    /// port from then on.
     ///
     /// # Errors
     /// The port belongs to another family, or its registers are not accessible.
@@ -56,28 +58,29 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Called when the device of the port stops: the port leaves the bus and loses its state.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
 
-    /// Makes the port's firmware poll its control registers. Returns true if the port takes part in the traffic after
-    /// the poll.
+    /// Makes the port's firmware poll its control registers. Returns true if the port takes part in the
+    /// traffic after this poll.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// True if the firmware of the port is quiescent, in the sense of
-    /// [`Device::is_quiescent`](crate::devices::Device::is_quiescent): its processor cycles change nothing before
-    /// another event occurs, for example [`Bus::event`].
+    /// True if the firmware of the port is quiescent, as defined by
+    /// [`Device::is_quiescent`](crate::devices::Device::is_quiescent): its processor cycles change nothing
+    /// until another event occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false
     }
 
-    /// True if polling this port at `now` would change nothing except the live traffic bits. `is_seen`: no register was
-    /// written since the last poll, so only events on the bus matter; otherwise a client may have written registers.
-    /// After a later event on the bus, a poll may have something to do. But such an event must not change whether the
-    /// port takes part in the traffic. When in doubt, returns false.
+    /// True if polling this port at `now` would change nothing except the live traffic bits. If `is_seen`, no
+    /// register was written since the last poll, so only events on the bus matter. Otherwise a client may
+    /// have written registers. A later event on the bus may give a poll something to do, but must not change
+    /// whether the port takes part in the traffic. When in doubt, returns false.
     fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         let _ = (place, now, is_seen);
         false
     }
 
-    /// True if a program has written a control register of a port, and the firmware has not polled it yet.
+    /// True if a program has written a control register of a port, and the firmware has not polled this
+    /// register yet.
     fn control_changed(&self) -> bool {
         false
     }
@@ -85,18 +88,18 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Returns the time of the next event; `u64::MAX` if there is none. Only calls of the bus change this time.
     fn next_time(&self) -> u64;
 
-    /// Returns the time up to which the events of the bus are independent of all other buses and devices, so that they
-    /// may run on another core. 0 if they never are.
+    /// Returns the time until which the events of the bus are independent of all other buses and devices.
+    /// Until then they may run on another core. 0 if the events are never independent.
     fn apart_until(&self) -> u64 {
         0
     }
 
-    /// Handles one event at `world.now`. Returns the SYNC signal if the event was a SYNC edge that was sent on the
-    /// line.
+    /// Handles one event at `world.now`. If the event was a SYNC edge that was sent on the line, returns the
+    /// SYNC signal.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
-    /// Returns the time of the last frame that a port sent or received since it joined, in emulated microseconds;
-    /// `None` if there was none, or the bus does not record it.
+    /// Returns the time of the last frame that a port has sent or received since it joined the bus, in
+    /// emulated microseconds. `None` if there was no frame, or if the bus does not record this time.
     fn last_frame(&self, place: usize) -> Option<u64> {
         let _ = place;
         None
@@ -107,12 +110,12 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// Guests of the bus, if foreign programs can take part.
+    /// Returns the guests of the bus; `None` if foreign programs cannot take part in it.
     fn guests(&mut self) -> Option<&mut dyn BusGuests> {
         None
     }
 
-    /// SYNC signal of the bus, if buses of its kind have one.
+    /// Returns the SYNC signal of the bus; `None` if buses of this kind have no SYNC signal.
     fn sync(&self) -> Option<&dyn SyncLine> {
         None
     }
@@ -122,7 +125,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// Returns the drives on the bus, if buses of its kind have drives.
+    /// Returns the drives on the bus; `None` if buses of this kind have no drives.
     fn drives(&self) -> Option<&dyn Drives> {
         None
     }
@@ -132,22 +135,22 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// Returns the part that applies faults of the bus, its participants and its ports; `None` if the bus can have no
-    /// faults.
+    /// Returns the part that applies the faults of the bus, its participants and its ports. `None` if the bus
+    /// can have no faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }
 }
 
 impl dyn Bus {
-    /// Returns the bus as a `T`, if it has that type.
+    /// Returns the bus as a `T`; `None` if it has another type.
     pub fn as_a<T: Bus>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
 }
 
 impl World<'_> {
-    /// Returns the context for firmware of `origin` with an area that begins at `base`.
+    /// Returns the context for firmware of `origin`. The area of this firmware begins at `base`.
     pub fn context(&mut self, origin: Origin, base: u32) -> Context<'_> {
         Context { now: self.now, journal: self.journal, origin, base }
     }

@@ -4,20 +4,21 @@ use crate::can::{self, BitRate, ErrorCounters};
 use crate::devices::Interval;
 use crate::journal::{Event, Origin};
 
-/// A station of a bus with known stations.
+/// A station on a bus that knows its stations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StationState {
     /// The port or the guest of the station.
     pub origin: Origin,
     /// Address of the station, if it has one and it is known.
     pub address: Option<u8>,
-    /// Activity of the station in one word; `None` if the state of its error counters describes the station.
+    /// Activity of the station in one word. `None` if the state of its error counters is the only description
+    /// of its activity.
     pub does: Option<&'static str>,
     /// Error counters of the station; 0 on buses that do not count errors.
     pub errors: ErrorCounters,
 }
 
-/// A station with another rate than its bus, which therefore does not take part.
+/// A station with another rate than its bus. Such a station does not take part in the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RateMismatch {
     /// Identity of the station.
@@ -31,7 +32,7 @@ pub struct RateMismatch {
 pub enum ParticipantId {
     /// A port of a device.
     Port(Origin),
-    /// A participant from the section of the bus in the plant file, by its name.
+    /// A participant that the section of the bus in the plant file declares. The field is its name.
     Own(String),
 }
 
@@ -49,27 +50,28 @@ pub trait BusView {
     /// Returns the attached ports, in the order of attachment.
     fn ports(&self) -> Vec<Origin>;
 
-    /// Returns the stations that have power. The list is empty if the bus has no list of stations.
+    /// Returns the stations that have power. The result is empty if the bus does not know its stations.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
     }
 
-    /// Stations that are set to another rate and therefore do not take part.
+    /// Returns the stations that are set to another rate. They do not take part in the bus.
     fn strangers(&self) -> Vec<RateMismatch> {
         Vec::new()
     }
 
-    /// Returns the interval that repeats on the bus; `None` while no interval repeats.
+    /// Returns the interval that repeats on the bus; `None` while there is no such interval.
     fn interval(&self) -> Option<Interval> {
         None
     }
 
-    /// Participants that faults can concern, bit n for number n.
+    /// Returns the participants that faults can affect: bit n for number n.
     fn participants(&self) -> u32 {
         0
     }
 
-    /// Returns the time for which a journal event of this bus, a frame, has kept the wire busy, in nanoseconds.
+    /// Returns the time in nanoseconds for which an event of this bus has kept the wire busy. Only frames
+    /// keep it busy.
     fn busy_ns(&self, event: &Event) -> u64 {
         let rate = BitRate::new(self.bit_s());
         let taken = event.frame().zip(rate).map(|(carried, rate)| can::wire::airtime(&carried.frame, rate));

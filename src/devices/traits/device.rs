@@ -1,4 +1,5 @@
-//! Interface between a plant and a device: an image with its firmware, and the ports that connect the device to buses.
+//! Interface between a plant and a device. A device consists of an image with its firmware, and of ports that
+//! connect it to buses.
 
 use crate::devices::{
     AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, FileChanges, Front,
@@ -10,10 +11,10 @@ use crate::memory::header::BoardState;
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
-/// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the device to its
-/// ports, and events of the ports to the device. Features that only some devices have are optional methods: parts for
-/// the ports, events, a drive, NOVRAM, faults. A device with only a supply in its front panel can use
-/// [`Plain`](crate::devices::Plain).
+/// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the
+/// device to its ports, and events of the ports to the device. Functions for features that only some devices
+/// have return `None` by default: parts for the ports, events, a drive, NOVRAM, faults. A device with only a
+/// supply in its front panel can use [`Plain`](crate::devices::Plain).
 pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Called at power-on and at the end of a reset, before the ports start.
     fn start(&mut self, ctx: &mut Context);
@@ -22,31 +23,32 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     fn stop(&mut self, ctx: &mut Context);
 
     /// True if a client has turned a switch, made a request, or written a register that the firmware answers
-    /// immediately. Used for busy polling.
+    /// immediately. The emulator uses this function for busy polling, which has no pause between two polls.
     fn has_changed(&self) -> bool {
         self.front_has_changed()
     }
 
-    /// Runs a processor cycle: polls the registers that belong to no port.
+    /// Runs a processor cycle: polls the registers that do not belong to a port.
     fn processor_cycle(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// True if the device is quiescent: the last poll and processor cycle changed nothing, and the next ones will
-    /// change nothing until a register is written or another event occurs, for example [`Device::due`]. The plant then
-    /// skips the next polls and cycles. When in doubt, returns false.
+    /// True if the device is quiescent. This means that the last poll and processor cycle changed nothing,
+    /// and further ones will change nothing until a register is written or another event occurs, for example
+    /// [`Device::due`]. The plant then skips polls and cycles. When in doubt, returns false.
     fn is_quiescent(&self) -> bool {
         false
     }
 
-    /// True if the device needs its next processor cycle even if no register is written and its front panel stays
-    /// unchanged. If false, the plant may skip cycles when it advances over several at once.
+    /// True if the device needs its next processor cycle even if no register is written and its front panel
+    /// does not change. If false, the plant may skip cycles when it advances over several cycles at once.
     fn needs_each_cycle(&self) -> bool {
         false
     }
 
-    /// True if a poll of the front panel and a processor cycle would change nothing, at any time, with the present
-    /// register contents, independent of their writer. When in doubt, returns false.
+    /// True if a poll of the front panel and a processor cycle would change nothing with the present register
+    /// contents. This must be true at any time, no matter who has written the registers. When in doubt,
+    /// returns false.
     fn poll_changes_nothing(&self) -> bool {
         false
     }
@@ -61,7 +63,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         let _ = world;
     }
 
-    /// Interrupt events of the device, if it has any.
+    /// Returns the interrupt events of the device; `None` if it has no events.
     fn events(&mut self) -> Option<&mut Events> {
         None
     }
@@ -81,7 +83,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// NOVRAM of the device, if it has any.
+    /// Returns the NOVRAM of the device; `None` if it has no NOVRAM.
     fn novram(&self) -> Option<&dyn NovramContents> {
         None
     }
@@ -96,27 +98,30 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// Kinds of faults that the device or its ports can have.
+    /// Returns the kinds of faults that the device or its ports can have.
     fn fault_kinds(&self) -> &'static [&'static FaultKind] {
         faults_of_device(self.layout())
     }
 
-    /// Returns the part that takes over changed files of the device, if it is described by files that may change.
+    /// Returns the part that takes over changed files of the device. `None` if the device is not described by
+    /// files that may change.
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }
 
-    /// Returns the slots of the device for option cards, if it has any.
+    /// Returns the slots of the device for option cards; `None` if it has no slots.
     fn option_slots(&mut self) -> Option<&mut dyn OptionSlots> {
         None
     }
 
-    /// Returns the part that exchanges pulses with a controller, if the device can be an option card.
+    /// Returns the part that exchanges pulses with a controller. `None` if the device cannot be an option
+    /// card.
     fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         None
     }
 
-    /// Returns the part that applies faults of the device itself; `None` if the device can have no faults.
+    /// Returns the part that applies the faults of the device itself. `None` if the device can have no
+    /// faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }
@@ -128,8 +133,8 @@ impl dyn Device {
         BoardState::of(self.header())
     }
 
-    /// True if memory exists for an access in the right area. The device may have fewer retain flags than the area has
-    /// room for.
+    /// True if memory exists for an access in an existing area. The area of retain flags may be larger than
+    /// the number of retain flags that the device has.
     pub fn has(&self, offset: u32, width: Width) -> bool {
         let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
             return true;
@@ -143,7 +148,7 @@ impl dyn Device {
         self.header().virtual_time_us.store(now);
     }
 
-    /// Returns the device as a `T`, if it has that type.
+    /// Returns the device as a `T`; `None` if it has another type.
     pub fn as_a<T: Device>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }

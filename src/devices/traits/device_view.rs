@@ -18,21 +18,21 @@ pub trait DeviceView {
     /// Returns the header page of the device's image.
     fn header(&self) -> &Header;
 
-    /// Returns the device with its options: which ports exist, and their roles. In a modular device the modules decide
-    /// this.
+    /// Returns the device with its options: the ports that exist, and their roles. In a modular device they
+    /// depend on the modules.
     fn fitted(&self) -> DeviceFit {
         DeviceFit::unknown(self.layout())
     }
 
-    /// True if `port` is a drive on its bus, without registers in the device. Faults name this drive by its number on
-    /// the bus.
+    /// True if `port` is a drive on its bus and has no registers in the device. Faults name such a drive by
+    /// its number on the bus.
     fn is_drive(&self, port: PortNumber) -> bool {
         let _ = port;
         false
     }
 
-    /// Interrupt level of an event: a task of a higher level interrupts a task of a lower level. `None` if there is no
-    /// such event.
+    /// Returns the interrupt level of an event. A task of a higher level interrupts a task of a lower level.
+    /// `None` if the event does not exist.
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;
         None

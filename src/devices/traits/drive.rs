@@ -10,11 +10,11 @@ pub struct DriveState {
     pub number: Option<u8>,
     /// Rate of the drive's interface in kbit/s, if the drive is on a bus.
     pub kbit_s: Option<u16>,
-    /// State of the drive's state machine: `operation_enabled`; `off` without supply.
+    /// State of the drive's state machine, for example `operation_enabled`. `off` if the drive has no supply.
     pub state: String,
     /// Status word of the drive.
     pub status_word: u16,
-    /// True if the drive runs in step with its SYNC signal.
+    /// True if the drive is synchronized to its SYNC signal.
     pub is_synchronized: bool,
     /// Reference value of the speed, in increments of the drive's speed format.
     pub speed_reference: i32,
@@ -35,7 +35,7 @@ pub struct ParameterState {
     pub number: u16,
     /// Name of the parameter; empty for a parameter that the plant file has added.
     pub name: String,
-    /// Unit of the value; empty if it has none.
+    /// Unit of the value; empty if the value has no unit.
     pub unit: String,
     /// Width of the value in bytes, 2 or 4.
     pub bytes: u8,
@@ -52,13 +52,13 @@ pub struct ParameterState {
 /// Reference and actual motion of the motor of a drive. Speeds are in increments of the drive's speed format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
-    /// The set speed of the motor: after the limits and the ramp of the drive.
+    /// Speed that the drive demands of the motor: the set speed after limits and ramp.
     pub demand: i32,
-    /// True if the drive feeds its motor. Otherwise it cannot influence the speed.
+    /// True if the drive feeds its motor. If false, the drive cannot influence the speed.
     pub is_fed: bool,
     /// Present speed of the motor.
     pub speed: i32,
-    /// Angle of the motor, in parts of 2^32 of a revolution.
+    /// Angle of the motor. 2^32 is one revolution.
     pub angle: u32,
 }
 
@@ -69,11 +69,12 @@ pub struct DriveDetails {
     pub state: DriveState,
     /// Parameters of the drive, in the order of their numbers.
     pub parameters: Vec<ParameterState>,
-    /// The parameters of the drive's interface card, by their numbers: ZK 0, 1, 4 ...; empty if the drive has no card.
+    /// The parameters of the drive's interface card with their numbers: ZK 0, 1, 4 and so on. Empty if the
+    /// drive has no card.
     pub card: Vec<(u8, u16)>,
 }
 
-/// Reason for which a parameter was not set.
+/// Reason why a parameter was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParameterRefusal {
     /// The drive has no parameter of that number.
@@ -99,15 +100,16 @@ pub enum ParameterRefusal {
 }
 
 /// The drives of a bus or device ([`Bus::drives`](crate::devices::Bus::drives),
-/// [`Device::drives`](crate::devices::Device::drives)). The position of a drive in [`Drives::list`] is its number here.
+/// [`Device::drives`](crate::devices::Device::drives)). The functions of this trait identify a drive by its
+/// position in [`Drives::list`].
 pub trait Drives {
-    /// Returns the drives in the order of the plant file: names and states.
+    /// Returns the names and states of the drives, in the order of the plant file.
     fn list(&self) -> Vec<(&str, DriveState)>;
 
-    /// Returns all details of the drive at this place in [`Drives::list`].
+    /// Returns all details of the drive at this position.
     fn details(&self, drive: usize) -> Option<DriveDetails>;
 
-    /// Sets a parameter of the drive at this place, as a user does at the drive itself.
+    /// Sets a parameter of the drive at this position, as a user does at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -120,14 +122,14 @@ pub trait Drives {
         journal: &mut Journal,
     ) -> Result<(), ParameterRefusal>;
 
-    /// Reference and actual motion of the motor of the drive at this place.
+    /// Returns the reference and actual motion of the motor of the drive at this position.
     fn shaft(&self, drive: usize) -> Option<Shaft>;
 
-    /// Sets the speed of the motor of the drive at this place, independently of the set speed. With `None` the motor
-    /// follows the drive.
+    /// Sets the speed of the motor of the drive at this position. From then on it does not depend on the set
+    /// speed. With `None` the motor follows the drive again.
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64);
 
-    /// Does work that was postponed because its result was not visible. Readers get the same result without this call;
-    /// the call only saves time.
+    /// Completes work that was postponed because its result was not visible. Readers get equal results
+    /// without this call; it only saves time.
     fn settle(&mut self) {}
 }

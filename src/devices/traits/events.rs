@@ -1,5 +1,5 @@
-//! Interrupt events of a device: enabled events and their occurrences. All devices enable events in the same way,
-//! with the function block `INTR_SET`, but each device has different events.
+//! Interrupt events of a device: which events are enabled, and which have occurred. All devices enable events
+//! in one way, with the function block `INTR_SET`, but each device has different events.
 
 use crate::devices::Context;
 use crate::devices::records::{BoardEvent, OnBoard};
@@ -7,7 +7,7 @@ use crate::memory::header::InterruptResult;
 use crate::memory::{FirmwareHeader, Header};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Enabled events and their occurrences, bit n for event n.
+/// Enabled events and events that have occurred: bit n for event n.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
     /// Events that a program has enabled; bit n for event n.
@@ -22,7 +22,7 @@ pub struct Events {
     pub stop: bool,
 }
 
-/// Watched events are not saved: clients in lockstep are not a part of the plant.
+/// The watched events are not saved: clients in lockstep are not a part of the plant.
 impl SnapshotFields for Events {
     fn save(&self, to: &mut Saving) {
         let Self { enabled, held, fired, watched: _, stop: _ } = self;
@@ -37,7 +37,7 @@ impl SnapshotFields for Events {
 }
 
 impl Events {
-    /// Fires an event once, if it is enabled and the program may run.
+    /// Fires an event once if it is enabled and the program may run.
     #[inline]
     pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
         let bit = 1u16 << event;
@@ -51,12 +51,14 @@ impl Events {
         self.stop |= self.watched & bit != 0;
     }
 
-    /// Called when the board has requested a start or stop, which tasks in lockstep obey immediately.
+    /// Called when the board has requested a start or stop. Tasks in lockstep obey it immediately, so it
+    /// stops the plant like a watched event.
     pub(in crate::devices) fn note_order(&mut self) {
         self.stop |= self.watched != 0;
     }
 
-    /// Disables all events as after power-on. Watches and past occurrences stay.
+    /// Disables all events, as at power-on. The watched events and the events that have occurred do not
+    /// change.
     pub fn disable_all(&mut self) {
         self.enabled = 0;
     }
@@ -73,7 +75,8 @@ impl Events {
         core::mem::take(&mut self.fired)
     }
 
-    /// Answers the pending requests, by ascending event number: `set` receives the event number, `i_PAR1` and `x_EN`.
+    /// Answers the pending requests, in ascending order of event numbers. `set` receives the event number,
+    /// `i_PAR1` and `x_EN`.
     pub fn answer(
         &mut self,
         ctx: &mut Context,

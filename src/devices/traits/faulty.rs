@@ -9,9 +9,9 @@ pub trait Faulty {
         let _ = (now, faults);
     }
 
-    /// Called at the start of a fault, and in each processor cycle while the fault is active. Returns a hit if the
-    /// fault fires by itself, without an event. Faults that fire at an event are applied during the event
-    /// ([`World::faults`](crate::devices::World::faults)).
+    /// Called at the start of a fault, and in each processor cycle while the fault is active. Returns a hit
+    /// if the fault acts now, without an event. Faults that act at an event are applied by the code that
+    /// handles the event ([`World::faults`](crate::devices::World::faults)).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None

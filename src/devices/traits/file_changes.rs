@@ -4,7 +4,8 @@ use super::Context;
 
 /// The part of a device that takes over changes of its files.
 pub trait FileChanges {
-    /// Takes over what has changed in the files since the last call, and records it in the journal. Returns the new number
-    /// for the settings of the device in snapshots, as `settings_number` gives it; `None` if the device stays as it is.
+    /// Takes over the changes of the files since the last call, and records them in the journal. Returns the
+    /// new number for the settings of the device in snapshots, as computed by `settings_number`. `None` if
+    /// the device has not changed.
     fn take_over(&mut self, ctx: &mut Context) -> Option<u64>;
 }

@@ -9,13 +9,14 @@ use std::sync::Arc;
 /// All kinds of records about guests.
 pub(in crate::devices) static KINDS: &[&EventKind] = &[GuestNews::KIND];
 
-/// Reason for which a bus refuses a frame or telegram of a guest.
+/// Reason why a bus refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuestRefusal {
     /// The queue of the guest is full; a later attempt may succeed.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
-    /// The time of the frame is too far ahead. All later frames of the guest would have to wait for this frame.
+    /// The time of the frame is too far in the future. All later frames of the guest would have to wait for
+    /// this frame.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
         /// Time from now until the requested time, in emulated seconds.
@@ -26,8 +27,8 @@ pub enum GuestRefusal {
     NotHere,
 }
 
-/// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest
-/// that acts by requests.
+/// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number. Guest 0 acts
+/// for requests of clients.
 pub trait BusGuests {
     /// Lets a guest take part from now on. Returns false if it already took part.
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
@@ -40,26 +41,27 @@ pub trait BusGuests {
         let _ = (guest, now);
     }
 
-    /// The guest has disconnected, and some of its frames have not been sent. So that they do not keep its place from
-    /// other guests, the bus drops frames that could wait long: frames for a later time than now, and all frames if no
-    /// station receives them.
+    /// Called when the guest has disconnected and some of its frames have not been sent. Frames that wait for
+    /// a long time would keep the guest's place from other guests. So the bus drops frames for a future time,
+    /// and all frames if no station receives them.
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }
 
-    /// Returns the error state of a guest's controller, on buses with error states.
+    /// Returns the error state of a guest's controller, if the bus has error states.
     fn guest_errors(&self, guest: u8) -> ErrorState {
         let _ = guest;
         ErrorState::Active
     }
 
-    /// From now on `receiver` gets the traffic of the bus, except the guest's own frames. With `None` the guest
-    /// receives no more traffic. A guest can receive without taking part. Snapshots contain no receivers.
+    /// Sends the traffic of the bus, except the guest's own frames, to `receiver` from now on. With `None`
+    /// the guest receives no more traffic. A guest can receive traffic without taking part. Snapshots contain
+    /// no receivers.
     fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
         let _ = (guest, receiver);
     }
 
-    /// A participating guest sends a frame, or a telegram.
+    /// Sends a frame or a telegram of a participating guest.
     ///
     /// # Errors
     /// [`GuestRefusal`].
@@ -87,15 +89,16 @@ event_kinds! {
 pub enum Attendance {
     /// The guest takes part from now on.
     TakesPart,
-    /// The guest takes part from now on; the clock is stepped, so its frames enter at the next step.
+    /// The guest takes part from now on. The clock is stepped, so the bus takes over its frames only at the
+    /// next step.
     TakesPartStepped,
     /// The guest has stopped taking part.
     Left,
-    /// The guest has a seat in lockstep: emulated time waits for it from now on.
+    /// The guest has a seat in lockstep. From now on, emulated time waits for the guest.
     Seated,
-    /// The guest has given its seat back, by leaving the bus or the door.
+    /// The guest has given its seat back: it has left the bus or the door.
     SeatBack,
-    /// The guest has lost its seat: it took too long in its turn, without a request for time.
+    /// The guest has lost its seat: its turn took too long, and it did not request time.
     SeatLost,
 }
 

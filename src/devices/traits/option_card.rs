@@ -2,7 +2,7 @@
 
 use crate::devices::Context;
 
-/// Pulses that a controller sends to its option cards at one moment.
+/// Pulses that a controller sends to its option cards at one moment of emulated time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ControllerPulses {
     /// Pulses of trigger 1 and trigger 2.
@@ -11,7 +11,7 @@ pub struct ControllerPulses {
     pub sync_net: bool,
 }
 
-/// Pulses that an option card sends to its controller at one moment.
+/// Pulses that an option card sends to its controller at one moment of emulated time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CardPulses {
     /// Interrupt of the card.
@@ -20,13 +20,14 @@ pub struct CardPulses {
     pub sync: bool,
 }
 
-/// A controller with slots for option cards ([`Device::option_slots`](crate::devices::Device::option_slots)). The plant
-/// passes the pulses on at the moment at which they occur, so no pulse is pending in a snapshot.
+/// A controller with slots for option cards ([`Device::option_slots`](crate::devices::Device::option_slots)).
+/// The plant passes pulses on at the moment at which they occur. So there are no waiting pulses when a
+/// snapshot is taken.
 pub trait OptionSlots {
     /// Returns the pulses since the last call.
     fn take_pulses(&mut self) -> ControllerPulses;
 
-    /// Handles the pulses of the card in slot `slot`, from 1.
+    /// Handles the pulses of the card in slot `slot`, counted from 1.
     fn card_pulses(&mut self, slot: u8, pulses: CardPulses, now: u64);
 }
 

@@ -1,4 +1,4 @@
-//! The repeating interval of a bus with its slots, for views.
+//! The interval of a bus that repeats, with its slots. Views show it.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct Interval {
 pub struct Slot {
     /// Name of the frame.
     pub name: String,
-    /// Latest begin of the frame, in us after the SYNC edge.
+    /// Latest start of the frame, in us after the SYNC edge.
     pub start_us: u32,
 }
 

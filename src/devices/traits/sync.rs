@@ -3,12 +3,12 @@
 use crate::journal::{Journal, Origin};
 use serde::{Deserialize, Serialize};
 
-/// Properties of a SYNC signal, for masters that take the signal over.
+/// Properties of a SYNC signal. Masters that take over the signal need them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
     /// Time between two edges in us.
     pub interval_us: u32,
-    /// Baud rate, in kbit/s, of the bus of the master that generates the signal.
+    /// Baud rate in kbit/s. It is the rate of the bus on which the master that generates the signal is.
     pub kbit_s: u16,
 }
 
@@ -32,7 +32,7 @@ pub enum SyncOrigin {
     Forwarded {
         /// Port of the master.
         port: Origin,
-        /// The register and the value that make the master pass on the signal. Used in messages.
+        /// The register and the value that make the master pass on the signal. Messages contain this text.
         setting: &'static str,
     },
 }
@@ -42,10 +42,10 @@ pub trait SyncLine {
     /// True if the port takes its SYNC signal from another port of its device.
     fn takes_sync(&self, place: usize) -> bool;
 
-    /// Handles an edge of a SYNC signal that another bus forwards.
+    /// Handles an edge of a SYNC signal that another bus passes on to this bus.
     fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
 
-    /// Returns the time of the next SYNC edge, if this bus generates the signal.
+    /// If this bus generates the signal, returns the time of the next SYNC edge.
     fn next_sync(&self) -> Option<u64>;
 
     /// Source of the bus's SYNC signal.
