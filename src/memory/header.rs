@@ -266,8 +266,8 @@ impl Header {
     }
 
     /// Publishes a real-time clock. The epoch is 0 while the clock is paused. `permille` is the emulated time per real
-    /// time x 1000. During the change of both fields the epoch is 0, so [`Header::exact_us`] never combines the epoch of
-    /// one clock with the speed of another.
+    /// time x 1000. During the change of both fields the epoch is 0, so [`Header::exact_us`] never combines the epoch
+    /// of one clock with the speed of another.
     pub fn set_real_clock(&self, epoch_ns: u64, permille: u32) {
         self.withdraw_real_clock();
         self.speed.store(permille);

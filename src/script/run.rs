@@ -95,8 +95,8 @@ fn directory_of(file: &Path) -> PathBuf {
 
 /// Does the same as [`run_file`], and passes each section with its emulated time in microseconds to `sections` at once.
 ///
-/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name that
-/// is given with it.
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name
+/// that is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_observed(
     file: &Path,
@@ -116,8 +116,8 @@ pub(crate) fn run_observed(
 
 /// Does the same as [`run_file`] under a debugger, which also stops where the scenario fails.
 ///
-/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name that
-/// is given with it.
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name
+/// that is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_debugged(
     file: &Path,

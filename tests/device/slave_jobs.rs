@@ -177,8 +177,8 @@ fn a_changed_job_waits_until_the_application_confirms() {
     }
 }
 
-/// Decision D-61: A change stays pending until the application confirms it. This is so even if the master returns to the
-/// old job, or if the application has cleared bit 3 by a write of the whole byte.
+/// Decision D-61: A change stays pending until the application confirms it. This is so even if the master returns to
+/// the old job, or if the application has cleared bit 3 by a write of the whole byte.
 #[test]
 fn a_change_is_shown_until_it_is_confirmed() {
     for rate in FASTEST {
