@@ -274,7 +274,7 @@ mod tests {
         assert!(modules.iter().any(|(_, _, widths)| *widths == 1 | 4), "{modules:?}");
     }
 
-    /// A compiler may warn of a comparison that is always true.
+    /// The glue code does not contain `>= 0u`: this comparison is always true, and a compiler may warn of it.
     #[test]
     fn nothing_is_compared_with_0() {
         for device in [&DEVICE, &WORDS] {

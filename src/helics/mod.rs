@@ -329,7 +329,7 @@ fn decode_text(text: &str) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    /// A program that accepts connections is not always a broker.
+    /// A program is a broker only if it greets as ZeroMQ does. It is not enough that it accepts connections.
     #[test]
     fn only_a_program_with_the_greeting_of_zeromq_is_a_broker() {
         let joining = |broker: &str| Joining {

@@ -195,7 +195,7 @@ mod tests {
     fn round_trip<T: MemoryValue + Debug + Default>(one: T, other: T) {
         let mut memory = [T::default(); 3];
         let at = &raw mut memory[1];
-        // SAFETY: aligned, valid, and nothing else accesses it at the same time.
+        // SAFETY: the pointer is aligned and valid, and no other code accesses the value at the same time.
         unsafe {
             T::store(at, one);
             assert_eq!(T::load(at), one);
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn many_words_are_loaded_in_their_order() {
         let (from, mut into) = ([1_u32, 2, 0x8000_0003, u32::MAX, 5], [0; 4]);
-        // SAFETY: aligned, valid, and nothing else accesses it at the same time.
+        // SAFETY: the pointer is aligned and valid, and no other code accesses the value at the same time.
         unsafe { super::load_words(from.as_ptr(), &mut into) };
         assert_eq!(into, from[..4]);
     }

@@ -824,7 +824,8 @@ fn trigger() { this.count += 1; output(\"card.w_COUNT\", this.count); }
     assert_eq!(bench.peek("card:front.script").unwrap(), 0);
 }
 
-/// A card that answers each trigger pulse with the source of this trigger stops; the emulator does not.
+/// A card whose script answers each trigger with a pulse that causes this trigger again is stopped. The emulator
+/// continues.
 #[test]
 fn an_option_card_that_triggers_itself_stops() {
     let card = Card::new(

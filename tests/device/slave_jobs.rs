@@ -145,7 +145,7 @@ fn t34(memory: Memory, rate: Rate) {
         assert_eq!(received(&bench), [0x02, 0, 0]);
     }
     bench.regs.b_STATREG_AKT_CMD.store(0);
-    bench.action(command(0x02)); // SYNC mode has registers of its own (D-06).
+    bench.action(command(0x02)); // the PLC finds this command in registers of its own (D-06)
     assert_eq!(received(&bench), [0, 0, 0x02]);
     assert_eq!(bench.regs.b_SYNC_MODUS.load(), 0x5A);
 }

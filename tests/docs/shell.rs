@@ -56,7 +56,7 @@ impl Shell {
         shell.args(["-e", "-c", script]).current_dir(self.directory.path());
         shell.env("PATH", format!("{}:{}:{path}", own.display(), programs.display()));
         shell.env("EXAMPLES", programs.join("examples")).env("COMMRAM_INSTANCE", &self.name);
-        // A machine that runs many tests is slow.
+        // The timeout is long, because a machine that runs many tests is slow.
         finish(shell.env("COMMRAM_CONNECT_TIMEOUT", "1min").env_remove("COMMRAM_EXAMPLE"))
     }
 }

@@ -114,7 +114,7 @@ fn the_page_on_openplc_4_works_with_strucpp() {
     assert!(eventually(|| emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]) == ARRIVED));
     assert_eq!(plc.end(), Some(0));
     drop(emulator);
-    // In lockstep the program of the previous part meets every deadline.
+    // In lockstep, the program that ran in real time above meets every deadline.
     let emulator = Emulator::stepped();
     let _plc = Plc::start_at(&directory.join("plc"), &emulator, "line", &["0", "40"]);
     assert!(eventually(|| {
