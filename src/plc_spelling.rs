@@ -33,7 +33,8 @@ pub(crate) struct Dialect<'a> {
 }
 
 impl Dialect<'_> {
-    /// Names the first spelling of another language in a line, and the right one. `None` if the line has none.
+    /// Finds the first spelling of another language in a line, and returns a text with the right spelling.
+    /// `None` if the line has none.
     pub(crate) fn mistake(&self, line: &str) -> Option<String> {
         let code = code(line);
         let words = words(&code);

@@ -1,7 +1,8 @@
 //! Fault confinement: the effect of errors on a station (ISO 11898-1).
 //!
-//! Every controller counts the errors in transmitted and in received frames. If a controller has too many errors, its
-//! error flags first become recessive, so that it no longer disturbs others. With still more errors it leaves the bus.
+//! Every controller counts the errors in transmitted and in received frames. If a controller has too many
+//! errors, its error flags first become recessive, so that it no longer disturbs other stations. With still
+//! more errors it leaves the bus.
 
 use super::BitRate;
 use serde::{Deserialize, Serialize};

@@ -78,8 +78,8 @@ enum LinePhase {
     Idle { suspended: Option<(usize, u64)> },
     /// A frame is on the line.
     Busy(OnWire),
-    /// The time after a frame: an error frame or the intermission. `sender` is the station that has sent the frame to
-    /// its end, if any.
+    /// The time after a frame: an error frame or the intermission. `sender` is the station that has sent the
+    /// frame to its end; `None` if no station has.
     Closing { sender: Option<usize>, free_ns: u64 },
 }
 

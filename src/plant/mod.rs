@@ -465,7 +465,7 @@ impl Plant {
         self.buses().iter().map(|bus| bus.name())
     }
 
-    /// True if bus number `bus` is a CAN bus without a protocol of its own.
+    /// True if bus number `bus` is a plain CAN bus, that is, a bus without a protocol above CAN.
     #[cfg(feature = "channel")]
     pub(crate) fn is_can(&self, bus: BusIndex) -> bool {
         self.buses().get(bus.index()).is_some_and(|it| it.family() == crate::devices::can_bus::FAMILY)

@@ -61,7 +61,7 @@ impl CanPort for Scripted {
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         assert_eq!(state, controller.error_state());
         self.log.lock().unwrap().push((self.station, ctx.now, state.name(), 0));
-        // The last port returns by itself.
+        // Only the last port returns from BUS-off automatically.
         if self.station == 2 {
             controller.restart();
         }

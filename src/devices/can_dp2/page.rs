@@ -19,7 +19,7 @@ pub(super) mod number {
     pub(in crate::devices::can_dp2) const DATA: u16 = 251;
 }
 
-/// Number of octets of a segment; the last one may be shorter (p. 54).
+/// Number of octets of a segment. The last segment of a page may be shorter (p. 54).
 pub(super) const SEGMENT: usize = 32;
 
 /// Number of octets before the content of a page: `HEAD` in the first segment, `NUMBER` in each other segment

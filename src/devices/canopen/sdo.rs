@@ -109,7 +109,7 @@ impl Server {
         data: [u8; 4],
         dictionary: &mut impl Dictionary,
     ) -> Result<Data, (EntryAddress, Abort)> {
-        // A new transfer ends the previous one.
+        // A new transfer ends the transfer in progress.
         self.reset();
         let fail = |abort| (at, abort);
         let length = dictionary.writable(at).map_err(fail)?;

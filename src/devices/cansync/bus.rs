@@ -242,8 +242,7 @@ impl SimBus {
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
             Slot::Stray => run.stray_frames(),
-            // This slot was handled before the bus was borrowed, because it also occurs on a bus that is
-            // stopped.
+            // This slot was handled at the beginning of the function, because it does not need a running bus.
             Slot::OwnClock => {}
         }
         self.next = self.schedule.next_time();

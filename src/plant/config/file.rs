@@ -92,7 +92,7 @@ pub(super) fn line_of(text: &str, offset: usize) -> usize {
 }
 
 impl PlantError {
-    /// Returns the line, from 1, of the plant file that the error is about; none if it has no line.
+    /// Returns the line of the plant file, from 1, that the error is about; `None` if the error has no line.
     #[must_use]
     pub fn line(&self) -> Option<usize> {
         match self {

@@ -15,8 +15,8 @@ fn parameters() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => almost, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
-/// Octets of Chk_Cfg: valid or almost valid modules, segments of pages, valid modules with the last one cut off, or
-/// random octets.
+/// Octets of Chk_Cfg: valid or almost valid modules, segments of pages, valid modules of which the last is
+/// cut off, or random octets.
 fn configuration() -> impl Strategy<Value = Vec<u8>> {
     let of_can =
         |(is_input, length, high, low)| vec![if is_input { 0x43 } else { 0x83 }, length, high, low, 0xB8];

@@ -150,7 +150,7 @@ pub(crate) struct PendingEvents<'a> {
     pub rest: &'a [BusEvent],
 }
 
-/// Intervals with the same frames, each beginning in time after the previous one.
+/// Intervals with frames on equal channels. Each begins in time after the previous interval.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct UniformIntervals<'a> {
     passed: &'a [BusEvent],

@@ -99,7 +99,7 @@ pub(super) struct Watchdog {
     pub(super) source: Provenance,
 }
 
-/// Registers that follow others.
+/// Registers that always get the values of other registers.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Mirror {
