@@ -67,7 +67,7 @@ impl Plant {
     }
 
     fn written(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) {
-        // A width is 1, 2 or 4.
+        // A width is 1, 2 or 4 bytes, so the conversion loses nothing.
         self.note_channel_write(plc, offset, width.bytes() as u8, value);
     }
 }

@@ -38,7 +38,7 @@ pub mod registers {
 
 /// The device's entry in the registry.
 pub(super) static REGISTERED: Registered = Registered {
-    // The rest is not described (decision D-366).
+    // The manual describes the modules only, so the PLC has no other elements (decision D-366).
     board: &["power", "restarts", "program", "start"],
     #[cfg(feature = "plc")]
     blocks: blocks::BLOCKS,

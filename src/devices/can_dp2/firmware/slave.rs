@@ -241,7 +241,7 @@ impl Slave {
             mst_dsap::RD_OUTP if is_exchanging => {
                 self.responder.data(frame, Answer::Low, registers.outputs(self.configuration.outputs))
             }
-            // Set_Slave_Add (p. 9), and all other services.
+            // The slave refuses Set_Slave_Add (p. 9) and all other services.
             _ => self.refusal(frame),
         }
     }

@@ -184,7 +184,7 @@ fn the_number_of_waiting_frames_is_limited() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     let &(bus, station) = bench.places.last().unwrap();
     bench.buses[bus].power_off(station, bench.now, &mut bench.journal);
-    // 64 in the controller, 256 before it.
+    // 64 frames wait in the controller, and 256 more wait in the gateway.
     for number in 1..=400_u16 {
         bench.exchange(&number.to_be_bytes());
     }

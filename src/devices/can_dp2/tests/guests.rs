@@ -139,7 +139,7 @@ fn a_telegram_with_a_time_begins_at_that_bit() {
     let answer = master.hear().unwrap();
     assert_eq!((answer.begin, Some(&answer)), (end + MIN_TSDR_BITS, listener.hear().as_ref()));
     assert_eq!((master.hear(), listener.hear()), (None, None), "a guest does not hear its own telegrams");
-    // A time in the past means now.
+    // A telegram with a time in the past begins now.
     master.send(&mut bench, 1, &[0xDC, 2, 2]);
     let now = bits(bench.now);
     bench.run(MS);

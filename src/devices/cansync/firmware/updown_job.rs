@@ -102,7 +102,7 @@ impl BlockJob {
         }
         if control & updown_master::CANCEL != 0 {
             self.transfer = None;
-            // No bit stays set (decision D-45).
+            // After a cancellation no bit of the control register stays set (decision D-45).
             return registers(regs).replace(ctx, control, 0).then_some(UpDownJob::cancel());
         }
         let transfer = match self.transfer.filter(|t| (t.order, t.control) == (order, control)) {

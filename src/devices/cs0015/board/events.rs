@@ -42,7 +42,7 @@ impl Pulses {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Replaces the events on their way.
+    /// Replaces the events that were not passed on yet.
     pub(crate) fn replace(&self, pulses: u16) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pulses;
     }

@@ -154,7 +154,7 @@ fn answer(registers: &Registers, place: usize, outcome: &Outcome) {
     jobs.a_LENGTH[place].store(room.len() as u16);
     room.for_each(|(cell, byte)| cell.store(*byte));
     jobs.a_ERROR[place].store(error);
-    // The program may have withdrawn the order.
+    // If the program has withdrawn the order, the exchange fails and the control register does not change.
     let _ = jobs.a_CONTROL[place].compare_exchange(job_control::ORDER, job_control::DONE);
 }
 

@@ -127,7 +127,7 @@ fn a_pdo_is_sent_on_request() {
     bench.ask(0x2A0);
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x2A0, vec![3, 0, 0, 0, 0, 0, 0, 0])]);
-    // Bit 30: not on request.
+    // Bit 30 is set, so the PDO is not sent on request.
     bench.exchange(0x620, &[0x23, 0x01, 0x18, 1, 0xA0, 2, 0, 0x40]);
     bench.ask(0x2A0);
     bench.run(5 * MS);

@@ -24,7 +24,7 @@ pd_comm_read::pd_comm_read!(
     2
 );
 pd_comm_sl::pd_comm_sl!("256-260", 2, 2);
-// Bit 0: decision D-20.
+// Decision D-20 defines bit 0 of the errors.
 updownload_ma::updownload_ma!(
     "263-267",
     "Bit 0: timeout, 1: `u_LENGTH` is 0 or more than 2048.",
