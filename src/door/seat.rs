@@ -63,7 +63,7 @@ impl GuestTurn {
         is_due
     }
 
-    /// If it is the guest's turn, takes its seat away and returns true.
+    /// If the guest has its turn, ends the turn and returns true.
     pub(super) fn give_up(&mut self) -> bool {
         let had_turn = *self == GuestTurn::HasTurn;
         if had_turn {

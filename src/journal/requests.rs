@@ -57,8 +57,8 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// Ends a request with its answer; returns the time since the request, if it is known. If later answers belong to
-    /// this request, too, `pending_value` is the present value of the register.
+    /// Ends a request with its answer. Returns the time since the request, if the time of the request is known. If
+    /// later answers belong to this request, too, `pending_value` is the present value of the register.
     #[inline]
     pub(crate) fn answered(
         &mut self,

@@ -91,7 +91,7 @@ pub enum MemoryError {
         instance: String,
         /// Name of the PLC with the image; the other emulator serves it.
         plc: String,
-        /// Process id of the emulator that holds it, if known.
+        /// Process id of the emulator that uses the file, if the id is known.
         pid: Option<u32>,
     },
     /// The file system has no memory for an image.

@@ -177,7 +177,8 @@ impl Travel {
         }
     }
 
-    /// Drops the history, because the present state of the plant does not follow from it.
+    /// Drops the history. Called after the state of the plant has been replaced, because the history does not lead to
+    /// the new state.
     fn is_elsewhere(&mut self) {
         self.history.clear();
         self.start = None;

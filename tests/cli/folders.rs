@@ -149,7 +149,7 @@ fn the_examples_pass_their_scenarios() {
     assert!(missing.fails(2).contains("device.toml"), "{}", missing.err);
 }
 
-/// The examples run in `soak`, in two ways that must have the same journal.
+/// The examples run in `soak`, which runs each one in two ways. Both ways must have the same journal.
 #[test]
 fn the_examples_pass_rounds_of_soak() {
     // A round of the dual-port memory takes as long as several rounds of a small card.

@@ -75,7 +75,8 @@ fn the_drive_at_the_baps_runs() {
     assert!(out.contains("parameter 305: "), "{out}");
 }
 
-/// Configuration examples B and D, one after the other on one emulator: each start may run `OPT_INIT` (D-260).
+/// Runs configuration examples B and D one after the other on one emulator. This is possible because each start may run
+/// `OPT_INIT` once (D-260).
 #[test]
 fn board_timers_drive_event_tasks() {
     let emulator = Emulator::start(&[]);

@@ -32,7 +32,7 @@ fn integer(least: i64, most: u64) -> Value {
     json!({"type": "integer", "minimum": least, "maximum": most})
 }
 
-/// Schema of an object with these properties, all of them required.
+/// Returns the schema of an object with these properties, which are all required.
 fn object(properties: &[(&str, Value)]) -> Value {
     let required: Vec<_> = properties.iter().map(|(name, _)| *name).collect();
     let properties: serde_json::Map<_, _> =

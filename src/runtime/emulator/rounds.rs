@@ -23,7 +23,7 @@ const LONGEST_STEP_US: u64 = LONGEST_LEAD_US;
 /// Largest number of consecutive register writes that an emulator in busy mode answers, at one emulated time, before it
 /// does other work.
 const LONGEST_CHAIN: u32 = 16;
-/// After this number of polls without a new write, such a chain ends.
+/// Number of polls without a new write after which such a chain ends.
 const LOOKS: u32 = 64;
 
 impl Emulator {

@@ -1,4 +1,4 @@
-//! The BAPS of a PLC in a plant, with registers on one side and the drive on the other.
+//! The BAPS of a PLC in a plant: the tests write and read its registers, and watch the drive.
 
 mod bench;
 mod configuration;

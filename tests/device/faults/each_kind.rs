@@ -6,7 +6,7 @@ use crate::rig::{FASTEST, Memory};
 use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT, DEVICE};
 use commram::devices::{bus_site, faults_of_device};
 
-/// Time at which the faults begin; both nodes are active then and the drives locked.
+/// Time at which the faults begin. At this time, both nodes are active and the drives are locked.
 const AT_US: u64 = 100_003;
 /// Duration of the faults that have no count.
 const DURATION_US: u64 = 40_000;

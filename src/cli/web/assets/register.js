@@ -1,4 +1,4 @@
-// The chosen register: its facts, its bits as switches, and the controls that write it.
+// The selected register: its description, its bits as switches, and the controls that write the register.
 
 import { act, guard } from "./actions.js";
 import { post } from "./api.js";
