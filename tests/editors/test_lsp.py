@@ -76,3 +76,19 @@ async def test_a_function_is_renamed_in_the_scripts_that_import_it(client: Langu
     )
     edit = await client.text_document_rename_async(params)
     assert {pathlib.PurePosixPath(name).name for name in edit.changes} == {"part.rhai", "user.rhai"}
+
+
+@pytest.mark.asyncio
+async def test_a_plant_links_to_its_device_and_to_existing_files_only(client: LanguageClient):
+    root: pathlib.Path = client.root
+    (root / "cards" / "counter").mkdir(parents=True)
+    (root / "cards" / "counter" / "device.toml").write_text('name = "counter"\n')
+    text = '[[device]]\nkind = "./cards/counter"\n[[device]]\nkind = "./cards/none"\n'
+    uri = opened(client, "plant.toml", text)
+    params = types.DocumentLinkParams(text_document=types.TextDocumentIdentifier(uri=uri))
+    links = await client.text_document_document_link_async(params)
+    targets = {link.target.split("#")[0].removeprefix("file://") for link in links}
+    assert str(root / "cards" / "counter" / "device.toml") in targets
+    assert all(pathlib.Path(target).is_file() for target in targets)
+    (folder,) = [link for link in links if link.target.endswith("/counter/device.toml")]
+    assert folder.range == types.Range(types.Position(1, 8), types.Position(1, 23))

@@ -3,6 +3,8 @@
 use super::complete::{self, Proposal};
 use super::document::Document;
 use super::judge::{self, Judge};
+use super::links::{self, Link};
+use super::pages::{PagePlace, Pages};
 use super::place::{path_of, uri_of};
 use super::scenario::ScriptView;
 use super::scenes::{PlantName, Scene, Scenes};
@@ -44,6 +46,7 @@ pub(super) struct Server {
     changed: BTreeSet<String>,
     scenes: Scenes,
     checker: Checker,
+    pages: Pages,
     /// Folders that the editor has open.
     roots: Vec<PathBuf>,
     is_initialized: bool,
@@ -57,6 +60,7 @@ impl Server {
             changed: BTreeSet::new(),
             scenes: Scenes::default(),
             checker: Checker::new(),
+            pages: Pages::of_program(),
             roots: Vec::new(),
             is_initialized: false,
             is_shut_down: false,
@@ -104,6 +108,7 @@ impl Server {
             "textDocument/hover" => shown(&self.hover(&parsed(params)?)),
             "textDocument/signatureHelp" => shown(&self.signature_help(&parsed(params)?)),
             "textDocument/definition" => shown(&self.definition(&parsed(params)?)),
+            "textDocument/documentLink" => shown(&self.links(&parsed(params)?)),
             "textDocument/references" => shown(&self.references(&parsed(params)?)),
             "textDocument/prepareRename" => shown(&self.prepare_rename(&parsed(params)?)),
             "textDocument/rename" => shown(&self.rename(&parsed(params)?)?),
@@ -140,6 +145,10 @@ impl Server {
             }),
             definition_provider: Some(lsp::OneOf::Left(true)),
             references_provider: Some(lsp::OneOf::Left(true)),
+            document_link_provider: Some(lsp::DocumentLinkOptions {
+                resolve_provider: Some(false),
+                work_done_progress_options: lsp::WorkDoneProgressOptions::default(),
+            }),
             rename_provider: Some(lsp::OneOf::Right(lsp::RenameOptions {
                 prepare_provider: Some(true),
                 work_done_progress_options: lsp::WorkDoneProgressOptions::default(),
@@ -320,6 +329,30 @@ impl Server {
             let uri = target.path.map_or_else(|| Some(document.uri.clone()), |path| uri_of(&path))?;
             Some(lsp::Location::new(uri, target.range))
         })
+    }
+
+    fn links(&self, params: &lsp::DocumentLinkParams) -> Option<Vec<lsp::DocumentLink>> {
+        let document = self.documents.get(params.text_document.uri.as_str())?;
+        if document.is_too_long() {
+            return None;
+        }
+        let found = match TableKind::of(document).filter(|_| document.is_table()) {
+            Some(kind) => links::of_table(document, &kind, &self.pages),
+            None if document.is_script() => links::of_script(&ScriptView::of(document)),
+            None => return None,
+        };
+        let link = |Link { range, target: PagePlace { file, line } }: Link| {
+            let mut target = uri_of(&file)?.as_str().to_owned();
+            // Editors go to a line of a text by this fragment.
+            target.extend(line.map(|line| format!("#L{line}")));
+            Some(lsp::DocumentLink {
+                range: document.text.range(&range),
+                target: Some(target.parse().ok()?),
+                tooltip: Some(self.pages.name_of(&file).display().to_string()),
+                data: None,
+            })
+        };
+        Some(found.into_iter().filter_map(link).collect())
     }
 
     fn references(&mut self, params: &lsp::ReferenceParams) -> Option<Vec<lsp::Location>> {

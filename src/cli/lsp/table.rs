@@ -126,7 +126,7 @@ fn section(text: &str, line_start: usize) -> (usize, usize, Vec<String>) {
 }
 
 /// Returns the names in a complete header, such as `[plc.drive]` or `[[bus]]`.
-fn header_of(line: &str) -> Option<Vec<String>> {
+pub(super) fn header_of(line: &str) -> Option<Vec<String>> {
     let line = line.split('#').next().unwrap_or_default().trim();
     let inner = line.strip_prefix('[')?;
     let inner = inner.strip_prefix('[').unwrap_or(inner);

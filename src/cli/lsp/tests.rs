@@ -373,6 +373,106 @@ fn a_script_that_is_too_long_is_not_judged() {
     assert_eq!(found, ["0:0 a script has at most 64 KiB; import a part of it"]);
 }
 
+/// Returns the links of the open document: the linked text, and the last parts of the target.
+fn links(editor: &mut Editor) -> Vec<String> {
+    let found = editor.ask("textDocument/documentLink", json!({ "textDocument": { "uri": editor.uri } }));
+    let lines: Vec<_> = editor.text.lines().collect();
+    let line = |it: &Value| {
+        let [start, end] = ["start", "end"].map(|end| &it["range"][end]);
+        let column = |place: &Value| usize::try_from(place["character"].as_u64().unwrap()).unwrap();
+        let line = lines[usize::try_from(start["line"].as_u64().unwrap()).unwrap()];
+        assert_eq!(start["line"], end["line"], "{it}");
+        let target = it["target"].as_str().unwrap();
+        let path = target.strip_prefix("file://").unwrap().split('#').next().unwrap();
+        assert!(Path::new(path).is_file(), "dead link: {target}");
+        let parts: Vec<_> = target.split('/').rev().take(2).collect();
+        let units: Vec<u16> = line.encode_utf16().collect();
+        let linked = String::from_utf16(&units[column(start)..column(end)]).unwrap();
+        format!("{linked} -> {}/{}", parts[1], parts[0])
+    };
+    found.as_array().unwrap().iter().map(line).collect()
+}
+
+/// Returns the text of a link to a heading of a page.
+fn to_heading(text: &str, page: &str, heading: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(page);
+    let line = std::fs::read_to_string(path).unwrap().lines().position(|line| line == heading).unwrap() + 1;
+    let parts: Vec<_> = page.split('/').rev().take(2).collect();
+    format!("{text} -> {}/{}#L{line}", parts[1], parts[0])
+}
+
+#[test]
+fn plants_link_to_pages_and_to_folders_of_devices() {
+    let directory = tempfile::tempdir().unwrap();
+    copy_folder("mailbox", &directory.path().join("cards/mailbox"));
+    let mut editor = Editor::new();
+    let text = "[[plc]] # first\nname = \"a\"\n [plc.drive]\n[[device]]\nkind = \"./cards/mailbox\"\n\
+                [[device]]\nkind = './cards/none'\n[[device]]\nkind = \"can-dp2\"\npage = \"12\"\n\
+                [[bus]]\nkind = \"can\"\n[[fault]]\nkind = \"slave_off\"\n[unknown]\n[[device]]\nkind = \"mail";
+    editor.open(&directory.path().join("plant.toml"), text);
+    let found = links(&mut editor);
+    let expected = [
+        "[[plc]] -> reference/plant.md".to_owned(),
+        to_heading("[plc.drive]", "reference/plant.md", "## The drive of a PLC"),
+        "[[device]] -> reference/plant.md".to_owned(),
+        "[[device]] -> reference/plant.md".to_owned(),
+        "[[device]] -> reference/plant.md".to_owned(),
+        "[[bus]] -> reference/plant.md".to_owned(),
+        "[[fault]] -> reference/faults.md".to_owned(),
+        "[[device]] -> reference/plant.md".to_owned(),
+        "./cards/mailbox -> mailbox/device.toml".to_owned(),
+        "can-dp2 -> can-dp2/overview.md".to_owned(),
+        "can -> reference/can.md".to_owned(),
+        to_heading("slave_off", "reference/faults.md", "### `slave_off`"),
+    ];
+    let (mut found, mut expected) = (found, expected.to_vec());
+    found.sort();
+    expected.sort();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn files_of_a_device_link_to_each_other_and_to_their_pages() {
+    let directory = tempfile::tempdir().unwrap();
+    copy_folder("netx-dpm", directory.path());
+    let mut editor = Editor::new();
+    let text = std::fs::read_to_string(directory.path().join("device.toml")).unwrap();
+    editor.open(&directory.path().join("device.toml"), &text);
+    let found = links(&mut editor);
+    let name = directory.path().file_name().unwrap().to_str().unwrap().to_owned();
+    for file in ["HIL_DPM_SYSTEM_CHANNEL", "meanings.toml"] {
+        let target = format!("{file} -> {name}/{}.toml", file.trim_end_matches(".toml"));
+        assert!(found.contains(&target), "{target}: {found:?}");
+    }
+    editor.open(&directory.path().join("handshakes.toml"), "[[ready]]\n[[fault]]\nname = \"device.toml\"\n");
+    let page = "reference/device-folders.md";
+    let expected =
+        [to_heading("[[ready]]", page, "## Handshakes"), to_heading("[[fault]]", page, "## Faults")];
+    assert_eq!(links(&mut editor), expected);
+    // A file of another program.
+    editor.open(&directory.path().join("sub/Cargo.toml"), "[[plc_code]]\nkind = \"can\"\n");
+    let none = editor.ask("textDocument/documentLink", json!({ "textDocument": { "uri": editor.uri } }));
+    assert_eq!(none, Value::Null);
+}
+
+#[test]
+fn scenarios_link_to_their_plant_and_to_imported_scripts() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::create_dir(at("tests")).unwrap();
+    std::fs::write(at("tests/part.rhai"), "fn start() {}\n").unwrap();
+    std::fs::write(at("plant.toml"), "[[plc]]\nname = \"a\"\n").unwrap();
+    let mut editor = Editor::new();
+    let text =
+        "import \"part\" as p;\nimport \"none\" as n;\nplant(\"../plant.toml\");\npeek(\"plant.toml\");\n";
+    editor.open(&at("tests/one.rhai"), text);
+    let name = directory.path().file_name().unwrap().to_str().unwrap().to_owned();
+    let expected = ["part -> tests/part.rhai".to_owned(), format!("../plant.toml -> {name}/plant.toml")];
+    assert_eq!(links(&mut editor), expected);
+    editor.open(&at("tests/one.rhai"), "plant(\"none.toml\"); plant(`[[plc]]\nname = \"a\"`);");
+    assert_eq!(links(&mut editor), [""; 0]);
+}
+
 /// Generates a piece of text: parts of scripts, signs, line ends, characters of all lengths.
 fn piece() -> impl Strategy<Value = String> {
     let parts = prop::sample::select(vec![
@@ -446,6 +546,7 @@ proptest! {
                 let mut references = place;
                 references["context"] = json!({ "includeDeclaration": true });
                 editor.ask("textDocument/references", references);
+                links(&mut editor);
                 editor.errors();
             }
             // The server still answers requests, and removes the errors of a closed document.
@@ -455,6 +556,32 @@ proptest! {
         };
         // Compiles scripts in a thread with a large stack, as the program does.
         crate::script::with_stack(run).unwrap();
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..crate::property_tests() })]
+
+    /// The server answers each request in a TOML file with any content, also if it ends in the middle of a value.
+    #[test]
+    fn random_tables_never_end_the_server(
+        lines in prop::collection::vec(prop::sample::select(vec![
+            "[[plc]]", "[plc.drive", "[[device]]", "kind = \"can-dp2\"", "kind = \"./x\"", "kind = '", "name = \"\"\"",
+            "option = { plc = \"a\", ", "kind = \"\\u0041\"", "]]", "# \u{1F980} [", "[[fault]]", "kind = \"lose_frame\"", "",
+            "structures = [\"A\",", "parts = [\"meanings.toml\"]", "area = [{ structure = [{ name = \"A\"", "\"", "= 5",
+        ]), 0..12),
+        kept in 0..200_usize,
+        is_device in any::<bool>(),
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let text: String = lines.join("\n").chars().take(kept).collect();
+        let mut editor = Editor::new();
+        editor.open(&directory.path().join(if is_device { "device.toml" } else { "plant.toml" }), &text);
+        links(&mut editor);
+        for method in ["textDocument/completion", "textDocument/hover"] {
+            editor.ask(method, editor.place());
+        }
+        editor.errors();
     }
 }
 
