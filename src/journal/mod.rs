@@ -76,7 +76,7 @@ pub use phases::PortPhase;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
 pub use record::Record;
-pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
+pub use registers::{ChannelWrite, Force, Handshake, Late, Register, State, Unforce};
 pub use ring::Records;
 pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
@@ -104,6 +104,7 @@ pub static KINDS: &[&EventKind] = &[
     ChannelWrite::KIND,
     Force::KIND,
     Unforce::KIND,
+    Late::KIND,
     Found::KIND,
     Changed::KIND,
 ];

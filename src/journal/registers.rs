@@ -1,4 +1,4 @@
-//! Events in registers of any device.
+//! Events in registers of any device, and of the clock.
 
 use super::event::Keeping;
 use super::fields::Fields;
@@ -69,6 +69,12 @@ event_kinds! {
     Unforce = 31, "unforce", Rare, at plc {
         /// Offset of the register.
         offset: u32,
+    }
+
+    /// The emulated time of a real-time clock is late, or no longer late. Only real time decides about this event.
+    Late = 32, "late", Rare, at plc {
+        /// Real time in microseconds by which the clock is late; 0 if it is no longer late.
+        late_us: u64,
     }
 }
 
@@ -192,5 +198,25 @@ impl EventText for Unforce {
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         named(&reader.whole(self.plc, self.offset))
+    }
+}
+
+impl EventText for Late {
+    fn text(&self, _: &mut Reader) -> String {
+        match self.late_us {
+            0 => "the emulated time is no longer late".to_owned(),
+            late_us => {
+                let ms = late_us / 1000;
+                format!(
+                    "the emulated time is {}.{:03} s late: this machine or a script of a device is too slow",
+                    ms / 1000,
+                    ms % 1000
+                )
+            }
+        }
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("late_us", self.late_us)
     }
 }

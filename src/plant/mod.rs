@@ -40,7 +40,7 @@ use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World}
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::identity::{BusIndex, DeviceIndex};
-use crate::journal::{By, Journal, Names, Origin};
+use crate::journal::{By, Journal, Late, Names, Origin};
 use crate::layout::DeviceLayout as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use cards::PluggedCard;
@@ -69,6 +69,10 @@ pub struct Plant {
     is_seen: bool,
     /// True if a watched event is to stop [`Plant::advance_until`].
     watching: bool,
+    /// The devices in folders. Their scripts may take long.
+    folders: Vec<DeviceIndex>,
+    /// See [`Plant::end_if`].
+    is_ending: Option<Arc<dyn Fn() -> bool + Send + Sync>>,
     devices: Vec<Box<dyn Device>>,
     /// The buses of the plant file, then placeholders for unconnected ports: one placeholder for each kind of
     /// bus, and one for each port that runs alone.
@@ -148,6 +152,8 @@ impl Plant {
             has_looked: false,
             is_seen: false,
             watching: false,
+            folders: in_folders(&mut devices),
+            is_ending: None,
             devices,
             schedule: DueQueue::of(buses.len()),
             buses,
@@ -218,18 +224,41 @@ impl Plant {
     /// Advances the clock to `time`, and handles all events up to `time`, including events at `time` itself.
     /// If `time` is in the past, nothing changes.
     pub fn advance_to(&mut self, time: u64) {
-        while self.advance_until(time) {}
+        match self.is_ending.clone() {
+            None => while self.advance_until(time) {},
+            Some(is_ending) => while self.advance_in_slices(time, &*is_ending) == Advance::Watched {},
+        }
+    }
+
+    /// Sets a function that returns true if the owner of the plant must end. [`Plant::advance_to`] then returns before
+    /// its time if scripts of devices take long.
+    pub(crate) fn end_if(&mut self, is_ending: Arc<dyn Fn() -> bool + Send + Sync>) {
+        self.is_ending = Some(is_ending);
     }
 
     /// Advances like [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and
     /// then returns `true`. The next call handles the remaining events of this moment.
     pub fn advance_until(&mut self, time: u64) -> bool {
+        self.advance_in_slices(time, &|| false) == Advance::Watched
+    }
+
+    /// Advances like [`Plant::advance_until`], but also pauses when `should_pause` returns true, and then returns
+    /// [`Advance::Paused`]. Each call handles at least one event. A pause never divides the events of a moment. It is a
+    /// division of the time, which changes no result, so `should_pause` may depend on the real time.
+    ///
+    /// Only a plant with devices in folders pauses: their scripts may take long.
+    pub(crate) fn advance_in_slices(&mut self, time: u64, should_pause: &dyn Fn() -> bool) -> Advance {
         self.look_for_writes();
         self.is_rescheduled = true;
         let mut has_run = false;
-        let mut stopped = false;
+        let mut outcome = Advance::Arrived;
+        let mut is_slice_over = false;
         let mut tries = TRIES;
-        while !stopped {
+        while outcome == Advance::Arrived {
+            if is_slice_over && self.now < time && self.next_event() > self.now {
+                outcome = Advance::Paused;
+                break;
+            }
             // Order of events at the same moment: faults, the processor cycle, events of devices, events of buses in
             // plant order.
             if self.is_rescheduled {
@@ -289,13 +318,16 @@ impl Plant {
                 }
             }
             self.keep_changes(By::Firmware);
-            stopped = self.watching && self.take_stop();
+            if self.watching && self.take_stop() {
+                outcome = Advance::Watched;
+            }
+            is_slice_over = !self.folders.is_empty() && should_pause();
         }
-        self.pass_to(if stopped { self.now } else { time });
+        self.pass_to(if outcome == Advance::Arrived { time } else { self.now });
         if has_run {
             self.leave();
         }
-        stopped
+        outcome
     }
 
     /// Advances the clock to a time before the next event ([`Plant::next_event`]). This is faster than
@@ -425,6 +457,24 @@ impl Plant {
         }
     }
 
+    /// Records that the emulated time is late by this real time, in microseconds; 0 if it is no longer late. The source
+    /// is the first device in a folder, or the first device.
+    pub(crate) fn note_late(&mut self, late_us: u64) {
+        let plc = self.folders.first().copied().unwrap_or(DeviceIndex::at(0));
+        self.journal.push(self.now, Late { plc, late_us });
+    }
+
+    /// Returns the names of the devices in folders. Their scripts may take long.
+    pub(crate) fn folder_names(&self) -> impl Iterator<Item = &str> {
+        self.folders.iter().filter_map(|plc| self.devices.get(plc.index())).map(|device| device.name())
+    }
+
+    /// True if the plant has devices in folders. Their scripts may take long.
+    #[cfg(feature = "channel")]
+    pub(crate) fn has_folders(&self) -> bool {
+        !self.folders.is_empty()
+    }
+
     /// Asks all buses for the times of their next events.
     fn schedule_buses(&mut self) {
         for (index, bus) in self.buses.iter().enumerate() {
@@ -491,6 +541,12 @@ impl Plant {
     }
 }
 
+/// Returns the devices with firmware in a folder.
+fn in_folders(devices: &mut [Box<dyn Device>]) -> Vec<DeviceIndex> {
+    let devices = devices.iter_mut().enumerate();
+    devices.filter_map(|(at, device)| device.file_changes().map(|_| DeviceIndex::at(at))).collect()
+}
+
 /// Returns the events of all devices that have events.
 fn events_of(devices: &mut [Box<dyn Device>]) -> impl Iterator<Item = &mut Events> {
     devices.iter_mut().filter_map(|device| device.events())
@@ -501,6 +557,17 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
         BuildError::Memory(error) => error.into(),
         other => PlantError::from(other).into(),
     }
+}
+
+/// How an advance of the clock has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Advance {
+    /// The clock has reached the requested time.
+    Arrived,
+    /// A watched event has occurred.
+    Watched,
+    /// The caller wants to do other work. The clock has an earlier time.
+    Paused,
 }
 
 /// The event that the plant executes next.

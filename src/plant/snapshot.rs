@@ -332,6 +332,8 @@ impl Plant {
             widths: _,
             text: _,
             settings: _,
+            folders: _,
+            is_ending: _,
         } = self;
         to.value(&(now, next_cycle, next_device));
         for device in devices {

@@ -53,10 +53,17 @@ pub trait Host {
     /// a turn. In the second case the caller calls again with the same `t`.
     fn advance_to(&mut self, t: u64) -> bool;
 
-    /// Changes the speed of the clock from the present time on. Used only with a real-time clock. `permille` is
-    /// emulated time per real time x 1000; 0 pauses the clock.
-    fn set_speed(&mut self, permille: u32) {
+    /// Begins a change of the clock's speed from the present time on. Used only with a real-time clock. `permille` is
+    /// emulated time per real time x 1000; 0 pauses the clock. Returns `false` while an earlier change is in progress;
+    /// the caller then calls again later.
+    fn set_speed(&mut self, permille: u32) -> bool {
         let _ = permille;
+        true
+    }
+
+    /// True while a change of the speed is in progress: the plant has not reached the time at which the change applies.
+    fn is_changing_speed(&self) -> bool {
+        false
     }
 
     /// Called between the parts of an operation that advances the clock. Returns true if the operation must pause, so

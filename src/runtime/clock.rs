@@ -104,6 +104,14 @@ impl WallClock {
         self.from_us + passed
     }
 
+    /// Real time since the clock had the emulated time `time`; zero if it has not reached this time or is paused.
+    pub(super) fn since(&self, time: u64) -> Duration {
+        match self.speed {
+            0.0 => Duration::ZERO,
+            speed => Duration::from_secs_f64(self.now().saturating_sub(time) as f64 / 1e6 / speed),
+        }
+    }
+
     /// Real time until the emulated time reaches `time`; zero if `time` is past, [`Duration::MAX`] while the clock is
     /// paused.
     pub(super) fn until(&self, time: u64) -> Duration {
@@ -150,6 +158,16 @@ mod tests {
         assert_eq!(paused.until(7_000), Duration::ZERO);
         assert!(paused.until(7_001) > Duration::MAX / 2);
         assert_eq!(WallClock::paused().now(), 0);
+        assert_eq!((paused.since(7_000), paused.since(1_000)), (Duration::ZERO, Duration::ZERO));
+    }
+
+    #[test]
+    fn the_real_time_since_an_emulated_time_depends_on_the_speed() {
+        let since = Instant::now() - Duration::from_secs(3);
+        let fast = WallClock { since, ..clock(0, 10.0) };
+        assert!(fast.since(10_000_000) >= Duration::from_secs(2));
+        assert!(fast.since(10_000_000) < fast.since(9_000_000));
+        assert_eq!(fast.since(u64::MAX), Duration::ZERO);
     }
 
     /// Programs that map the image compute the time from the epoch and the speed.

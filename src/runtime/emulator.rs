@@ -14,6 +14,7 @@ use super::guests::Guests;
 use super::lockstep::Lockstep;
 use super::needs;
 use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
+use super::slice::Slice;
 use super::watch::Watch;
 use crate::door::DoorSpec;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -22,10 +23,9 @@ use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, r
 use crate::plant::{FollowError, Plant, PlantConfig, Snapshot};
 use crate::request::Travel;
 use core::num::NonZero;
-use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Settings of an emulator.
 #[derive(Clone, Debug)]
@@ -73,6 +73,14 @@ impl StopHandle {
     }
 }
 
+/// A change of the speed of a real-time clock.
+pub(super) struct SpeedChange {
+    /// New emulated time per real time x 1000.
+    permille: u32,
+    /// Emulated time from which the speed applies, in microseconds.
+    from_us: u64,
+}
+
 /// A plant on image files.
 pub struct Emulator {
     pub(super) plant: Plant,
@@ -83,6 +91,10 @@ pub struct Emulator {
     pub(super) guests: Guests,
     /// The clock in real time; unused if stepped.
     wall: WallClock,
+    /// A change of the speed of this clock, until the plant has reached its time.
+    pub(super) speed_change: Option<SpeedChange>,
+    /// True if the journal shows that the emulated time of this clock is late.
+    pub(super) is_late: bool,
     /// Real time at which the present turns of guests began, if guests have turns now.
     pub(super) turn_since: Option<Instant>,
     /// Emulated time up to which a step was to advance that has paused to serve other clients.
@@ -95,8 +107,8 @@ pub struct Emulator {
     images: Vec<Image>,
     /// Last seen number of rings of each PLC's doorbell.
     rings: Vec<u32>,
-    /// Time of the first `should_pause` call of the channel in this pass of the main loop.
-    pub(super) slice: Cell<Option<Instant>>,
+    /// Real time of the present piece of work: an operation of a client, or an advance of the real-time clock.
+    pub(super) slice: Slice,
     #[cfg(feature = "channel")]
     pub(super) membership: super::membership::Membership,
     /// Declared before the server, and so dropped before it, because the field uses the node of the server.
@@ -138,6 +150,7 @@ impl Emulator {
         // without free file descriptors.
         needs::allow_files_of(config.devices.len(), doors)?;
         needs::allow_memory_of(config.devices.len())?;
+        needs::check_umask()?;
         let lock = take_instance(config, &options.instance)?;
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;
@@ -189,6 +202,8 @@ impl Emulator {
         let bell = images[0].header().clone();
         let guests = Guests::new(config, options.clock.is_stepped(), move || bell.doorbell.ring())?;
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
+        let end = Arc::clone(&stop.stop);
+        plant.end_if(Arc::new(move || end.is_made()));
         // Created after the event services, so that the watch includes their memory.
         #[cfg(feature = "channel")]
         let channel_watch = server.as_ref().map(|server| server.watch());
@@ -201,12 +216,14 @@ impl Emulator {
         .map_err(|reason| RuntimeError::Thread { reason })?;
         Ok(Emulator {
             rings,
-            slice: Cell::default(),
+            slice: Slice::default(),
             #[cfg(feature = "channel")]
             membership: super::membership::Membership::default(),
             lockstep,
             guests,
             wall: WallClock::paused(),
+            speed_change: None,
+            is_late: false,
             turn_since: None,
             under_way: None,
             novram,
@@ -330,16 +347,44 @@ impl Emulator {
         self.wall = wall;
     }
 
-    /// Changes the speed of the real-time clock, which continues from its present time. If the plant is late by more
-    /// than one step, the rest of this time is dropped.
-    pub(super) fn set_real_speed(&mut self, permille: u32) {
+    /// Begins a change of the real-time clock's speed. The clock continues from its present time. If the plant is late
+    /// by more than one step, the rest of this time is dropped. Returns false while another change is in progress.
+    pub(super) fn set_real_speed(&mut self, permille: u32) -> bool {
+        if self.speed_change.is_some() {
+            return false;
+        }
         // The plant first advances to the present time. Otherwise a client that has computed the present time from the
         // clock could see an earlier time later. During the change clients wait, so that none of them computes a later
         // time (D-789).
         self.images.iter().for_each(|image| image.header().withdraw_real_clock());
-        let now = self.real_now();
-        self.plant.advance_to(now);
-        self.run_wall(WallClock::at(now, f64::from(permille) / 1000.0), permille);
+        let from_us = self.real_now();
+        self.speed_change = Some(SpeedChange { permille, from_us });
+        self.advance_real_time(from_us);
+        true
+    }
+
+    /// Advances to `now` with a real-time clock, or less far if this takes long. Completes a change of the clock's speed
+    /// whose time is reached. Returns true if an event was due.
+    fn advance_real_time(&mut self, now: u64) -> bool {
+        let Emulator { plant, slice, .. } = &mut *self;
+        slice.renew();
+        let is_due = plant.next_event() <= now;
+        if is_due {
+            plant.advance_in_slices(now, &|| slice.is_over());
+        } else {
+            plant.pass_to(now);
+        }
+        let plant_us = self.plant.now();
+        if let Some(change) = self.speed_change.take_if(|change| change.from_us <= plant_us) {
+            let speed = f64::from(change.permille) / 1000.0;
+            self.run_wall(WallClock::at(change.from_us, speed), change.permille);
+        }
+        is_due
+    }
+
+    /// Real time by which the plant is later than the real-time clock.
+    pub(super) fn late_by(&self) -> Duration {
+        self.wall.since(self.plant.now())
     }
 
     /// Writes NOVRAM for the last time, unless registers were lost.

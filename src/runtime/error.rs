@@ -43,6 +43,15 @@ pub enum RuntimeError {
         /// Error of the operating system.
         reason: std::io::Error,
     },
+    /// The file mode creation mask takes permissions of the owner from new files.
+    #[error(
+        "the file mode creation mask is {mask:03o}, so this user could not use the files of the emulator: set another one, \
+         for example `umask 077`"
+    )]
+    Umask {
+        /// The mask of the process.
+        mask: u32,
+    },
     /// The process may not open enough files for its PLCs.
     #[error(
         "an emulator with {plcs} PLC{} has {needed} open files, and this process may have {most}: raise that limit \

@@ -7,10 +7,6 @@ use crate::plant::Plant;
 use crate::request::{Host, InstanceInfo, Travel};
 #[cfg(feature = "channel")]
 use crate::request::{Op, Refused};
-use std::time::{Duration, Instant};
-
-/// Real time after which an operation pauses, so that other clients are served.
-const SLICE: Duration = Duration::from_millis(5);
 
 impl Emulator {
     /// Returns the time of the next possible action of a task, guest or simulator.
@@ -26,7 +22,7 @@ impl Emulator {
         let here = self.lockstep.waits_for(&self.plant).or_else(|| self.guests.waits_for(&self.plant));
         #[cfg(feature = "channel")]
         let here = here.or_else(|| self.membership.waits_for(self.plant.now()));
-        here
+        here.or_else(|| self.lateness())
     }
 }
 
@@ -111,14 +107,16 @@ impl Host for Emulator {
         has_arrived
     }
 
-    fn set_speed(&mut self, permille: u32) {
-        self.set_real_speed(permille);
+    fn set_speed(&mut self, permille: u32) -> bool {
+        self.set_real_speed(permille)
+    }
+
+    fn is_changing_speed(&self) -> bool {
+        self.speed_change.is_some()
     }
 
     fn should_pause(&self) -> bool {
-        let begin = self.slice.get().unwrap_or_else(Instant::now);
-        self.slice.set(Some(begin));
-        begin.elapsed() >= SLICE
+        self.slice.is_over()
     }
 
     fn doors(&mut self) -> Option<&mut Doors> {

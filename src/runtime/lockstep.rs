@@ -11,7 +11,7 @@
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, SEAT_WAITS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
-use crate::plant::Plant;
+use crate::plant::{Advance, Plant};
 use std::time::{Duration, Instant};
 
 /// Interval at which the emulator checks that a task in its turn still runs.
@@ -188,9 +188,16 @@ impl Lockstep {
         tasks.fold(0, |events, task| events | 1 << task.event)
     }
 
-    /// Advances the clock to `target`, and gives each task its turns. Returns early if `stop` is true, or if a client
-    /// rings during the turn of a task. The caller must then call again with the same target.
-    pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
+    /// Advances the clock to `target`, and gives each task its turns. Returns early if `stop` is true, if a client
+    /// rings during the turn of a task, or if `should_pause` is true and scripts of devices take long. The caller must
+    /// then call again with the same target.
+    pub(crate) fn advance(
+        &mut self,
+        plant: &mut Plant,
+        target: u64,
+        stop: impl Fn() -> bool,
+        should_pause: &dyn Fn() -> bool,
+    ) {
         let witness = &mut NoWitness;
         self.look(plant, witness);
         loop {
@@ -198,10 +205,13 @@ impl Lockstep {
                 return;
             }
             let until = self.next_turn().min(target);
-            let stopped = plant.advance_until(until);
-            if !stopped && until == target {
-                self.give_turns(plant, &stop, witness);
-                return;
+            match plant.advance_in_slices(until, should_pause) {
+                Advance::Paused => return,
+                Advance::Arrived if until == target => {
+                    self.give_turns(plant, &stop, witness);
+                    return;
+                }
+                Advance::Arrived | Advance::Watched => {}
             }
         }
     }

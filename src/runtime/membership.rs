@@ -15,6 +15,10 @@ use crate::memory::header::SeatState;
 use crate::plant::Plant;
 use crate::request::Travel;
 
+/// Longest emulated time between two turns in a plant with devices in folders. Their scripts may take long, and the
+/// federates answer their clients only between turns.
+const FOLDERS_US: u64 = 10_000;
+
 /// Result of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TurnOutcome {
@@ -192,6 +196,8 @@ impl Emulator {
         }
         let want = lockstep.next_turn().min(target.unwrap_or(u64::MAX));
         let want = want.min(federation.next_exchange(plant.now()));
+        let longest = if plant.has_folders() { FOLDERS_US } else { u64::MAX };
+        let want = want.min(plant.now().saturating_add(longest));
         let ended = federation.end_turn(plant, target, want, lockstep.watched());
         membership.error = ended.err();
         TurnOutcome::Ended

@@ -8,11 +8,13 @@ mod end;
 mod error;
 mod guests;
 mod host;
+mod lateness;
 mod lockstep;
 #[cfg(feature = "channel")]
 mod membership;
 mod needs;
 mod novram;
+mod slice;
 mod turns;
 mod watch;
 

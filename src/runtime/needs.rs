@@ -19,6 +19,9 @@ const FEW_CLIENTS: u64 = 4;
 /// Number of clients for which files are reserved. Up to this number no client is refused for lack of files.
 const ALL_CLIENTS: u64 = 32;
 
+/// The permissions of the owner in a file mode.
+const OF_OWNER: u32 = 0o700;
+
 /// Memory of an emulator with full journals and the first PLC, in bytes (promise 14).
 pub(crate) const MEMORY: u64 = 32 << 20;
 /// Memory of each PLC, in bytes.
@@ -36,6 +39,22 @@ pub(super) fn allow_files_of(plcs: usize, doors: usize) -> Result<(), RuntimeErr
     let few = reserved.max(FEW_CLIENTS * PER_CLIENT);
     allow_files(needed + few, needed + few.max(ALL_CLIENTS * PER_CLIENT))
         .map_err(|FileLimit { needed, most }| RuntimeError::OpenFiles { plcs, needed, most })
+}
+
+/// Checks that new files and directories of this process get all permissions of their owner. Only root could use files
+/// without them, and iceoryx2 refuses such files.
+///
+/// # Errors
+/// The file mode creation mask takes such a permission.
+pub(super) fn check_umask() -> Result<(), RuntimeError> {
+    // The system call that returns the mask also changes it, for all threads. Without /proc nothing is checked.
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask =
+        status.lines().find_map(|line| u32::from_str_radix(line.strip_prefix("Umask:")?.trim(), 8).ok());
+    match mask.filter(|mask| mask & OF_OWNER != 0) {
+        Some(mask) => Err(RuntimeError::Umask { mask }),
+        None => Ok(()),
+    }
 }
 
 /// Raises the limits of memory, so that they are enough for an emulator with these PLCs and full journals.

@@ -34,8 +34,8 @@ impl Emulator {
                 return false;
             }
             let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
-            let stop = &self.stop;
-            self.lockstep.advance(&mut self.plant, until, || stop.is_made());
+            let Emulator { plant, lockstep, stop, slice, .. } = &mut *self;
+            lockstep.advance(plant, until, || stop.is_made(), &|| slice.is_over());
             self.guests.send_heard(&mut self.plant);
             if self.lockstep.is_in_turn() || self.stop.is_made() {
                 return false;
@@ -44,9 +44,9 @@ impl Emulator {
             if self.plant.now() >= target && !is_due {
                 return true;
             }
-            // Guests can have many turns one after the other. They must not block other clients, so the step may pause
-            // here.
-            if self.guests.have_seats() && self.should_pause() {
+            // Guests can have many turns one after the other, and scripts of devices can take long. They must not block
+            // other clients, so the step may pause here.
+            if self.should_pause() {
                 return false;
             }
         }

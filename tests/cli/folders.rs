@@ -1,9 +1,10 @@
 //! Devices of folders: registered while the program runs, with names in every command.
 
-use crate::common::{Emulator, finish, python, run, skipped};
+use crate::common::{Emulator, eventually, finish, python, run, skipped, stat};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
 
@@ -285,6 +286,79 @@ fn a_script_that_is_too_slow_stops_and_the_emulator_answers() {
     emulator.step(&["50ms"]);
     let trace = emulator.run("trace", &["--kind", "stopped"]);
     assert!(trace.ok().contains("firmware.rhai:1: the script is too slow"), "{}", trace.out);
+}
+
+/// Processor time that a process has used. The process may have ended, as long as its parent has not read its exit code.
+fn processor_time(pid: u32) -> Duration {
+    let fields = stat(&pid.to_string());
+    let ticks = |field: usize| fields[field].parse::<u64>().unwrap();
+    // User and system time, in ticks of 10 ms.
+    Duration::from_millis(10 * (ticks(11) + ticks(12)))
+}
+
+/// Scripts that use many of their steps for slow verbs, in each processor cycle. The test measures processor time, so it
+/// does not depend on the load of the machine.
+#[test]
+fn a_script_that_uses_all_its_steps_delays_no_answer() {
+    // The interpreter of a debug build is slower, and the script must not reach its limit of processor time.
+    let count = |release, debug| if cfg!(debug_assertions) { debug } else { release };
+    let scripts = [
+        format!(
+            "let s = \"x\"; s.pad(4000, \"y\"); for i in 0..{} {{ let t = s.replace(\"y\", \"z\"); }}",
+            count(9000, 225)
+        ),
+        format!(
+            "let a = []; for i in 0..1000 {{ a.push((i * 7919) % 2003); }} for j in 0..{} {{ let b = a; b.sort(); }}",
+            count(120, 10)
+        ),
+        format!(
+            "for i in 0..{} {{ violation(\"control.w_COMMAND\", \"t\" + i + now()); }}",
+            count(1500, 125)
+        ),
+        format!("for i in 0..{} {{ read_all(\"data.*\"); }}", count(6000, 500)),
+    ];
+    let longest = Duration::from_secs(2);
+    for (script, clock) in scripts.iter().flat_map(|script| [(script, "stepped"), (script, "realtime")]) {
+        let place = Place::new();
+        fs::write(place.card().join("firmware.rhai"), format!("fn poll() {{ {script} }}\n")).unwrap();
+        let mut emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", clock]);
+        let pid = emulator.pid();
+        let mut stepping = (clock == "stepped").then(|| {
+            let mut step = emulator.command("step", &["1h"]);
+            step.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+        });
+        let before = processor_time(pid);
+        assert!(
+            eventually(|| processor_time(pid) > before + Duration::from_millis(300)),
+            "{script}: is idle"
+        );
+
+        let asked = processor_time(pid);
+        emulator.run("status", &[]).ok();
+        let took = processor_time(pid) - asked;
+        assert!(took < longest, "{clock} {script}: status after {took:?}");
+        assert_eq!(emulator.run("trace", &["--kind", "stopped"]).out, "", "{script}");
+        if clock == "realtime" {
+            let says = |late: bool| {
+                eventually(|| emulator.run("status", &[]).ok().contains(" s late") == late)
+                    && emulator.run("trace", &["--kind", "late"]).ok().contains("no longer late") != late
+            };
+            assert!(says(true), "{script}: {}", emulator.run("status", &[]).out);
+            // A change of the speed drops the time by which the clock is late. The plant first advances by up to 100 ms of
+            // emulated time, for which a client may be too impatient.
+            emulator.run("speed", &["0.001"]);
+            assert!(says(false), "{script}: {}", emulator.run("trace", &["--kind", "late"]).out);
+        }
+
+        let asked = processor_time(pid);
+        emulator.run("stop", &[]);
+        let took = processor_time(pid) - asked;
+        assert!(took < longest, "{clock} {script}: stop after {took:?}");
+        assert_eq!(emulator.wait().code(), Some(0));
+        if let Some(step) = &mut stepping {
+            step.wait().unwrap();
+        }
+    }
 }
 
 #[test]

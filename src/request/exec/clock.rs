@@ -92,13 +92,22 @@ impl Work<'_> {
         Ok(Some(self.now()))
     }
 
-    pub(super) fn set_speed(&mut self, permille: u32) -> Result<Reply, Refused> {
+    pub(super) fn set_speed(&mut self, permille: u32) -> Result<Option<Reply>, Refused> {
         if self.host.is_stepped() {
             let text = "the clock is stepped and has no speed: it advances only on request (`commram step`, `commram wait`)";
             return Err(Refused::new(Code::CLOCK_IS_STEPPED, text));
         }
-        self.host.set_speed(permille);
-        Ok(self.now())
+        if self.execution.end.is_none() {
+            if !self.host.set_speed(permille) {
+                return Ok(None);
+            }
+            self.execution.end = Some(self.host.plant().now());
+        }
+        if self.host.is_changing_speed() {
+            return Ok(None);
+        }
+        self.execution.end = None;
+        Ok(Some(self.now()))
     }
 
     pub(super) fn time(&mut self) -> Result<Reply, Refused> {

@@ -23,7 +23,7 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
     };
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
-    let outcome = arrive(host, target, &here, detached);
+    let outcome = arrive(host, target, &here, detached).and_then(|()| go_on(host, &here));
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -70,10 +70,12 @@ fn find_back<T>(
     let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, next_stretch, &look);
+        go_on(host, &here)?;
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
         let is_first = place == 0 && first.1;
         if let Some(target) = found.or(is_first.then_some(first.0)) {
             arrive(host, target, &here, detached)?;
+            go_on(host, &here)?;
             if let Some(found) = look(host)? {
                 return Ok(found);
             }
@@ -134,7 +136,7 @@ fn last_in<T>(
     let (mut is_found, mut last) = (first.1, None);
     loop {
         let next = host.plant().next_change().min(way.next_store());
-        if next >= end {
+        if next >= end || host.should_stop() {
             break;
         }
         way.go_to(host.plant_mut(), next);
@@ -172,6 +174,18 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     let (plant, travel) = host.plant_and_travel();
     travel.is_at(plant);
     Ok(())
+}
+
+/// Returns to the moment of the request if the host must end: the plant may not have reached the moment of the history.
+///
+/// # Errors
+/// The host must end.
+fn go_on(host: &mut dyn Host, here: &Snapshot) -> Result<(), Refused> {
+    if !host.should_stop() {
+        return Ok(());
+    }
+    return_to(host, here);
+    Err(Refused::ending(host))
 }
 
 /// Returns to the moment of the request, because the request is refused. The result is ignored: restoring a snapshot of

@@ -24,7 +24,7 @@ impl Emulator {
         }
         // The server is taken out of the emulator for the call, because it needs the rest of the emulator as host.
         let Some(mut server) = self.server.take() else { return false };
-        self.slice.set(None);
+        self.slice.renew();
         let served = catch_unwind(AssertUnwindSafe(|| server.poll(self)));
         self.server = Some(server);
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)

@@ -40,22 +40,21 @@ impl Emulator {
         }
     }
 
-    /// Returns the time of the real-time clock, limited to one step after the plant's time.
+    /// Returns the time of the real-time clock, limited to one step after the plant's time, and to the time of a change
+    /// of the clock's speed.
     pub(super) fn real_now(&self) -> u64 {
-        self.wall.now().min(self.plant.now() + LONGEST_STEP_US)
+        let change = self.speed_change.as_ref();
+        change
+            .map_or_else(|| self.wall.now().min(self.plant.now() + LONGEST_STEP_US), |change| change.from_us)
     }
 
     pub(super) fn run_real_time(&mut self) {
         while !self.is_stopping() {
             let rung = self.note_rings();
             let now = self.real_now();
-            let due = self.plant.next_event() <= now;
             let look = rung || self.options.busy && self.plant.control_changed();
-            if due {
-                self.plant.advance_to(now);
-            } else {
-                self.plant.pass_to(now);
-            }
+            let due = self.advance_real_time(now);
+            self.note_lateness();
             if look {
                 self.plant.processor_cycle();
                 if self.options.busy {
