@@ -13,12 +13,14 @@ use rustix::io::Errno;
 use rustix::process::{Pid, Signal};
 use std::fs::{File, OpenOptions};
 use std::io::{self, PipeWriter, Read};
-use std::os::fd::AsRawFd;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
 
+/// Number of descriptors that are tried if the system does not list them.
+const UNLISTED: RawFd = 1024;
 /// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -106,6 +108,8 @@ fn until_end(
 pub(crate) struct Detached {
     nothing: File,
     log: Option<File>,
+    /// Descriptors that the process has inherited besides the standard ones.
+    inherited: Vec<RawFd>,
 }
 
 impl Detached {
@@ -114,6 +118,7 @@ impl Detached {
     /// # Errors
     /// The log cannot be written or is an output of this process, or the operating system refuses the request.
     pub(crate) fn begin(log: Option<&Path>) -> Result<Self, CliError> {
+        let inherited = inherited();
         let failed = |path: &Path| {
             let path = path.to_owned();
             move |reason: io::Error| CliError::File { path, reason }
@@ -125,19 +130,46 @@ impl Detached {
         if let Some(log) = log {
             refuse_own_output(log)?;
         }
-        let this = Self { nothing, log: log.map(open).transpose()? };
+        let this = Self { nothing, log: log.map(open).transpose()?, inherited };
         rustix::process::setsid().map_err(|errno| CliError::Process { reason: errno.into() })?;
         Ok(this)
     }
 
-    /// Closes both outputs, so that a process that reads them until their end can continue.
+    /// Closes both outputs, so that a process that reads them until their end can continue. Also closes the inherited
+    /// descriptors: a lock of the shell that is held by one of them would last as long as the emulator. Until now the
+    /// plant may have been a file `/dev/fd/63`, the output of a command.
     ///
     /// # Errors
     /// The operating system refuses the operation.
     pub(crate) fn let_go(self) -> Result<(), CliError> {
+        for descriptor in self.inherited {
+            // SAFETY: the descriptor was open before this program opened its first file, and no object of this process
+            // owns it.
+            drop(unsafe { OwnedFd::from_raw_fd(descriptor) });
+        }
         put(&self.nothing, 1)?;
         put(self.log.as_ref().unwrap_or(&self.nothing), 2)
     }
+}
+
+/// Returns the descriptors from 3 on that this process has inherited, and keeps them from processes that it starts. The
+/// program opens its own files so that other programs do not inherit them.
+fn inherited() -> Vec<RawFd> {
+    // Without /proc, the first numbers are tried.
+    let listed = std::fs::read_dir("/proc/self/fd").map(|files| {
+        let names = files.flatten().map(|file| file.file_name());
+        names.filter_map(|name| name.to_str()?.parse().ok()).collect::<Vec<RawFd>>()
+    });
+    let numbers = listed.unwrap_or_else(|_| (3..UNLISTED).collect());
+    let is_inherited = |descriptor: &RawFd| {
+        // SAFETY: plain system calls on numbers; they do not change the memory of this process.
+        let flags = unsafe { libc::fcntl(*descriptor, libc::F_GETFD) };
+        *descriptor > 2 && flags >= 0 && flags & libc::FD_CLOEXEC == 0 && {
+            // SAFETY: as above.
+            unsafe { libc::fcntl(*descriptor, libc::F_SETFD, flags | libc::FD_CLOEXEC) >= 0 }
+        }
+    };
+    numbers.into_iter().filter(is_inherited).collect()
 }
 
 /// Refuses a name of an output of this process, for example `/dev/stderr`: the process that started this one reads both

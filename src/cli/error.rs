@@ -240,6 +240,16 @@ errors! {
         /// How long the command waited, in real seconds.
         seconds: u64,
     } => Exit::Failed,
+    /// The emulator was requested to end and does not answer, and no signal can reach it.
+    #[error(
+        "{source}; no process that this command can see holds the locks of '{instance}': the emulator runs in another PID \
+         namespace, such as a container. Call `commram stop` there"
+    )]
+    Unseen {
+        instance: String,
+        #[source]
+        source: Box<CliError>,
+    } => Exit::NotThere,
     /// The directory of a killed emulator cannot be removed.
     #[error(
         "instance '{instance}' was dead, but {} stays: these entries cannot be removed: {}", .directory.display(),

@@ -265,7 +265,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     while !running.has_ended() {
         if start.elapsed() > patience {
             if let Some(refused) = unseen {
-                return Err(refused);
+                return Err(CliError::Unseen { instance: name.to_owned(), source: Box::new(refused) });
             }
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
         }

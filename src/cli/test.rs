@@ -223,6 +223,13 @@ pub(crate) struct LimitArgs {
     max_memory: u64,
 }
 
+impl LimitArgs {
+    /// Real time after which a scenario counts as endless, in microseconds.
+    pub(crate) fn max_real_time(&self) -> u64 {
+        self.max_real_time
+    }
+}
+
 /// Runs scenarios of the device in the folder `dir`. Scenarios that name no plant get a plant with only this device.
 pub(crate) fn run_for_device(
     dir: &Path,

@@ -3,6 +3,7 @@
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 /// Path of a file that every process can open.
@@ -21,11 +22,7 @@ pub(crate) fn named(reason: &io::Error) -> String {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
         Some(Errno::FBIG) => describe_file_limit(),
-        Some(Errno::AGAIN) if describe_space_limit().is_empty() => {
-            getrlimit(Resource::Nproc).current.map_or_else(String::new, |most| {
-                format!("; this user may have {most} processes and threads (`ulimit -u`)")
-            })
-        }
+        Some(Errno::AGAIN) if describe_space_limit().is_empty() => describe_thread_limit(),
         Some(Errno::NOMEM | Errno::AGAIN) => describe_space_limit(),
         _ => String::new(),
     }
@@ -41,6 +38,47 @@ pub(crate) fn describe_space_limit() -> String {
     };
     let data = named(getrlimit(Resource::Data).current, "data", "-d");
     named(address_space(), "address space", "-v") + &data
+}
+
+/// Directory with the control groups of the system.
+const CONTROL_GROUPS: &str = "/sys/fs/cgroup";
+/// File with the control groups of this process.
+const OWN_CONTROL_GROUPS: &str = "/proc/self/cgroup";
+/// Number of processes and threads below its limit from which a control group explains an error: other threads may have
+/// ended since the error.
+const NEAR: u64 = 8;
+
+/// Returns a text like [`named`], for an error that a limit of processes and threads may have caused: of a control group
+/// that is nearly full, otherwise of the user.
+fn describe_thread_limit() -> String {
+    let groups = fs::read_to_string(OWN_CONTROL_GROUPS).unwrap_or_default();
+    if let Some((group, most)) = full_control_group(Path::new(CONTROL_GROUPS), &groups) {
+        let group = group.display();
+        return format!("; the control group {group} may have {most} processes and threads (`pids.max`)");
+    }
+    getrlimit(Resource::Nproc).current.map_or_else(String::new, |most| {
+        format!("; this user may have {most} processes and threads (`ulimit -u`)")
+    })
+}
+
+/// Returns the directory and the limit of the first control group that is nearly full: one of `groups`, the lines of
+/// [`OWN_CONTROL_GROUPS`], or one above it.
+fn full_control_group(root: &Path, groups: &str) -> Option<(PathBuf, u64)> {
+    let number = |path: PathBuf| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
+    groups.lines().find_map(|line| {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (controllers, path) = (parts.next()?, parts.next()?);
+        let root = match controllers {
+            "" => root.to_owned(),
+            _ => root.join(controllers.split(',').find(|controller| *controller == "pids")?),
+        };
+        let own = root.join(path.trim_start_matches('/'));
+        let full = own.ancestors().take_while(|group| group.starts_with(&root)).find_map(|group| {
+            let (most, present) = (number(group.join("pids.max"))?, number(group.join("pids.current"))?);
+            (most.saturating_sub(present) <= NEAR).then(|| (group.to_owned(), most))
+        });
+        full
+    })
 }
 
 /// Stack that the main thread needs, in bytes.
@@ -190,6 +228,29 @@ mod tests {
         let has_limit = !describe_space_limit().is_empty() || getrlimit(Resource::Nproc).current.is_some();
         assert_eq!(of(Errno::AGAIN).is_empty(), !has_limit);
         assert_eq!(of(Errno::NOMEM), describe_space_limit());
+    }
+
+    #[test]
+    fn a_nearly_full_control_group_is_found() {
+        let directory = tempfile::tempdir().unwrap();
+        let root = directory.path();
+        let group = |path: &str, most: &str, present: u64| {
+            fs::create_dir_all(root.join(path)).unwrap();
+            fs::write(root.join(path).join("pids.max"), format!("{most}\n")).unwrap();
+            fs::write(root.join(path).join("pids.current"), format!("{present}\n")).unwrap();
+        };
+        group("pids/a/b", "max", 5);
+        group("pids/a", "100", 93);
+        group("c/d", "20", 3);
+        let found = |groups| full_control_group(root, groups);
+        // Version 1, a group above the own one.
+        assert_eq!(found("9:name=systemd:/\n8:cpu,pids:/a/b\n0::/\n"), Some((root.join("pids/a"), 100)));
+        assert_eq!(found("8:cpu:/a\n"), None);
+        // Version 2.
+        assert_eq!(found("0::/c/d\n"), None);
+        group("c/d", "10", 3);
+        assert_eq!(found("0::/c/d\n"), Some((root.join("c/d"), 10)));
+        assert_eq!((found("0::/nowhere\n"), found("nonsense\n"), found("")), (None, None, None));
     }
 
     #[test]

@@ -13,13 +13,17 @@ mod wrong;
 
 use super::caught::{self, Caught};
 use super::complaint::name_types;
+use super::run::{LONGEST_TEXTS, MOST_ENTRIES};
 use super::{Bench, MemoryCopy, ScenarioError, ScriptLocation};
 use crate::journal::text::Text;
 use crate::journal::{Entry, Format, Record};
 use arguments::{names, number, span, value};
 use core::cell::RefCell;
 use core::panic::Location;
-use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
+use rhai::{
+    Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, Map, NativeCallContext,
+    RhaiNativeFunc,
+};
 use std::rc::Rc;
 
 pub(super) use shown::value_text;
@@ -311,6 +315,29 @@ fn record_map(record: &Record, text: &mut Text) -> Map {
         ("count".into(), INT::from(record.count).into()),
         ("text".into(), line.trim().into()),
     ])
+}
+
+/// Returns the result of a verb as an array. The engine would end a script with a larger value without a reason.
+///
+/// # Errors
+/// The maps have too many entries, or too long texts. The error names the verb and the `remedy`.
+fn held(maps: Vec<Map>, verb: &str, remedy: &str) -> Result<Array, ScenarioError> {
+    let (mut entries, mut bytes) = (0, 0);
+    for value in maps.iter().flat_map(Map::values) {
+        entries += 1;
+        bytes += value.read_lock::<ImmutableString>().map_or(0, |text| text.len());
+    }
+    if entries <= MOST_ENTRIES && bytes <= LONGEST_TEXTS {
+        return Ok(maps.into_iter().map(Dynamic::from).collect());
+    }
+    let of_each = maps.first().map_or(1, Map::len).max(1);
+    let right = format!(
+        "a script can hold {} such records, with texts of {LONGEST_TEXTS} bytes together, and here are {} with \
+         {bytes} bytes; {remedy}",
+        MOST_ENTRIES / of_each,
+        maps.len()
+    );
+    Err(ScenarioError::argument(verb, &right))
 }
 
 fn int(number: u64) -> INT {

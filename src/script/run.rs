@@ -251,6 +251,11 @@ fn run_text(
     }
 }
 
+/// Longest text of a script, and longest texts of a value together, in bytes.
+pub(super) const LONGEST_TEXTS: usize = 1 << 20;
+/// Maximum number of entries in all maps of a value.
+pub(super) const MOST_ENTRIES: usize = 1 << 16;
+
 /// Reason for the end of a script that has taken too many steps.
 #[derive(Clone, Copy)]
 struct TooManySteps;
@@ -285,9 +290,9 @@ pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     });
     engine.set_max_call_levels(MOST_CALLS);
     engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
-    engine.set_max_string_size(1 << 20);
+    engine.set_max_string_size(LONGEST_TEXTS);
     engine.set_max_array_size(1 << 20);
-    engine.set_max_map_size(1 << 16);
+    engine.set_max_map_size(MOST_ENTRIES);
 }
 
 /// Returns the outcome of the scenario after an error of the engine.

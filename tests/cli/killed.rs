@@ -248,6 +248,25 @@ fn a_stopped_emulator_can_be_ended() {
     }
 }
 
+/// A process in another PID namespace cannot be signalled, and the kernel does not name it as the holder of a lock.
+#[test]
+fn stop_in_another_pid_namespace_says_where_the_emulator_is() {
+    let emulator = Emulator::stepped();
+    emulator.signal("-STOP");
+    for options in [&[][..], &["--clean"]] {
+        let stop = emulator.command("stop", options);
+        let mut shell = std::process::Command::new("unshare");
+        shell.args(["--pid", "--fork", "--mount-proc"]).arg(stop.get_program()).args(stop.get_args());
+        let outcome = finish(&mut shell);
+        if outcome.err.contains("unshare: ") {
+            eprintln!("SKIPPED: no PID namespace: {}", outcome.err);
+            break;
+        }
+        assert!(outcome.fails(3).contains("the emulator runs in another PID namespace"), "{}", outcome.err);
+    }
+    emulator.signal("-CONT");
+}
+
 fn continues_text(name: &str, pid: u32) -> String {
     format!("commram: note: instance '{name}' was stopped (process {pid}); it is continued to end\n")
 }

@@ -54,6 +54,22 @@ fn without_real_times(text: &str) -> String {
 }
 
 #[test]
+fn too_many_records_for_a_script_are_refused_with_a_later_time() {
+    let pokes = "record(\"node2.b_AM\");\nfor i in 0..17_000 { poke(\"node2.b_AM\", i & 1); }\n";
+    for (verb, remedy) in [
+        ("journal(0)", "`journal(0)`: a script can hold 16384 such records"),
+        ("history(\"node2.b_AM\")", "use `journal` with a later `since`"),
+    ] {
+        let report = run_one(&format!("{pokes}{verb};\n"), 2);
+        assert!(report.contains(remedy) && report.contains("later `since`"), "{report}");
+    }
+    let later = format!(
+        "{pokes}step(\"1ms\");\nlet kept = journal(now()).len();\nexpect_that(kept < 9, `${{kept}}`);\n"
+    );
+    assert!(run_one(&later, 0).contains("1 passed"));
+}
+
+#[test]
 fn the_emulated_time_of_a_scenario_is_the_same_in_every_run() {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");
     let text = std::fs::read_to_string(script).unwrap();

@@ -62,6 +62,30 @@ fn a_failing_round_is_minimized_and_fails_alone() {
     assert!(run(&["test", file.to_str().unwrap()]).ok().contains("1 passed"), "it needs that limit to fail");
 }
 
+/// Each try of a shorter round without an end takes the whole real time of a scenario.
+#[test]
+fn a_round_without_an_end_is_shortened_within_its_real_time() {
+    let directory = tempfile::tempdir().unwrap();
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/mailbox");
+    for name in ["device.toml", "MAILBOX.toml", "handshakes.toml", "firmware.rhai"] {
+        std::fs::copy(std::path::Path::new(source).join(name), directory.path().join(name)).unwrap();
+    }
+    let exercise = "const MOVES = #{ a: [[1, 2]] };\nfn start() { pass(30000); }\n\
+                    fn recover() { power_cycle(); start(); }\nfn a(r, x) { loop { print(\"x\"); } }\n";
+    std::fs::write(directory.path().join("exercise.rhai"), exercise).unwrap();
+    let folder = directory.path().to_str().unwrap();
+    let limit = std::time::Duration::from_secs(3);
+    let begun = std::time::Instant::now();
+    let args =
+        ["soak", "--exercise", folder, "--seed", "4711", "--rounds", "1", "--jobs", "1", "--keep", folder];
+    let outcome = run(&[&args[..], &["--max-real-time", "3s"]].concat());
+    let took = begun.elapsed();
+    assert_eq!(outcome.code, Some(1), "{}", outcome.err);
+    assert!(outcome.err.contains("--max-real-time"), "{}", outcome.err);
+    // A run, the tries, and a last run; the rest is for starts of processes on a slow machine.
+    assert!(took < 6 * limit, "{took:?}: {}", outcome.err);
+}
+
 #[test]
 fn wrong_use_says_what_would_be_right() {
     for (args, expected) in [

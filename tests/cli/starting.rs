@@ -87,6 +87,21 @@ fn a_detached_emulator_has_left_its_terminal_and_outputs() {
     }
 }
 
+/// A shell may hold a lock, or the end of a pipe, in a descriptor of its own. The plant may be the output of a command.
+#[test]
+fn a_detached_emulator_keeps_no_descriptor_of_its_starter() {
+    let instance = Background::new();
+    let folder = tempfile::tempdir().unwrap();
+    let script = "exec 9>lock && flock 9 || exit 9
+        $0 run <($0 new -) --detach --web=127.0.0.1:0 -i $1 >/dev/null || exit 8
+        exec 9>&-
+        flock --nonblock lock true; echo lock $?";
+    let mut command = Command::new("bash");
+    command.args(["-c", script, program(), &instance.0]).current_dir(folder.path());
+    assert_eq!(finish(&mut command).ok(), "lock 0\n");
+    assert_eq!(instance.run("peek", &["--raw", "node2.w_OPTION_STATUS"]).ok(), "16#0001\n");
+}
+
 #[test]
 fn later_messages_of_a_detached_emulator_go_to_its_log() {
     let instance = Background::new();
@@ -99,6 +114,19 @@ fn later_messages_of_a_detached_emulator_go_to_its_log() {
     assert!(eventually(|| log_text().contains("another program has shortened it")), "{}", log_text());
     let alone = run(&["run", "--log", "x"]);
     assert!(alone.fails(2).contains("--detach"), "{}", alone.err);
+}
+
+/// Root can use a file without permissions, so the check must not depend on a refused access.
+#[test]
+fn a_start_without_the_permissions_of_the_owner_is_refused() {
+    for mask in ["777", "277", "100"] {
+        let instance = Background::new();
+        let script = format!("umask {mask}; exec $0 run --detach -i {}", instance.0);
+        let outcome = finish(Command::new("sh").args(["-c", &script, program()]));
+        let message = outcome.fails(1);
+        assert!(message.contains(&format!("mask is {mask}")) && message.contains("`umask 077`"), "{message}");
+        assert_eq!(files_of(&instance.0), Vec::<PathBuf>::new());
+    }
 }
 
 #[test]

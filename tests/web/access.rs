@@ -134,6 +134,14 @@ fn requests_of_other_sites_are_refused() {
     for host in ["localhost", "127.0.0.1:1", "[::1]:8080", "plant.example"] {
         server.request("GET", "/api/v1/instances", &[("host", host), signed_in], "").ok();
     }
+    // An absolute target names the host, too.
+    let own = server.address.to_string();
+    for host in ["evil.example", "127.0.0.1"] {
+        let target = format!("http://{host}/api/v1/instances");
+        server.request("GET", &target, &[("host", &own), signed_in], "").problem(421);
+    }
+    let target = format!("http://{own}/api/v1/instances");
+    server.request("GET", &target, &[("host", &own), signed_in], "").ok();
     for foreign in
         ["https://evil.example", "null", "http://127.0.0.1:1", "https://plant.example.evil.example"]
     {

@@ -164,7 +164,12 @@ fn requests_of_another_form_get_problems_that_name_what_is_wrong() {
     let json = [("authorization", bearer.as_str()), ("content-type", "application/json")];
     let twice = server.request("POST", &server.path("advance"), &json, r#"{"us":1,"us":2}"#).problem(400);
     assert!(twice["detail"].as_str().unwrap().contains("the field `us` occurs twice"), "{twice}");
-    for query in ["peek?plc=0&offset=200000&width=Word&offset=200002", "show/find?text=a&text=b"] {
+    for query in [
+        "peek?plc=0&offset=200000&width=Word&offset=200002",
+        "show/find?text=a&text=b",
+        "events?clock=1&clock=1",
+        "events?follow=node2.w_CPU_CONTROL&follow=node2.w_OPTION_STATUS",
+    ] {
         let twice = server.get(&server.path(query)).problem(400);
         assert!(twice["detail"].as_str().unwrap().contains("occurs twice"), "{twice}");
     }

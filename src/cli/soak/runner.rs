@@ -80,19 +80,20 @@ impl RoundRunner {
         Ok(RoundResult { exercise, emulated_us, took, failure })
     }
 
-    /// Runs the round twice; returns the emulated time and the failure, if any.
+    /// Runs the round, and once more if it has passed. Returns the emulated time and the failure, if any.
     fn run(&self, round: &Round, stop: &impl Fn() -> bool) -> (u64, Option<String>) {
-        let [one, other] = [false, true].map(|another_way| self.play(&round.text(another_way), stop));
-        let emulated_us = one.emulated_us.unwrap_or_default();
-        let why =
-            wrong(&one).or_else(|| wrong(&other).map(|why| format!("second run: {why}"))).or_else(|| {
-                let (one, other) = (one.journal_hash, other.journal_hash);
-                (one != other).then(|| {
+        let one = self.play(&round.text(false), stop);
+        let why = wrong(&one).or_else(|| {
+            let other = self.play(&round.text(true), stop);
+            let has_other_journal = || {
+                (one.journal_hash != other.journal_hash).then(|| {
                     "a run with other time slices and with steps that are taken back has another journal"
                         .to_owned()
                 })
-            });
-        (emulated_us, why)
+            };
+            wrong(&other).map(|why| format!("second run: {why}")).or_else(has_other_journal)
+        });
+        (one.emulated_us.unwrap_or_default(), why)
     }
 
     fn play(&self, text: &str, stop: &impl Fn() -> bool) -> Report {
@@ -106,7 +107,7 @@ impl RoundRunner {
         report
     }
 
-    /// Shortens a failing round. If the round is a scenario, writes it to a file. Returns the report.
+    /// Shortens a failing round, for as long as a scenario may take. If the round is a scenario, writes it to a file. Returns the report.
     pub(super) fn keep(&self, (round, why): &(Round, String), stop: &impl Fn() -> bool) -> String {
         if round.kind == RoundKind::Killed {
             // The failure depends on the exact moment, so the round cannot be shortened.
@@ -116,13 +117,18 @@ impl RoundRunner {
                 kills::NAME
             );
         }
+        // Each try of a round that does not end would take the real time of a scenario.
+        let (begun, limit) = (Instant::now(), Duration::from_micros(self.setting.limits.max_real_time()));
+        let is_over = || stop() || begun.elapsed() >= limit;
         let fails = |moves: &[String]| {
             let round = round.with(moves.to_vec());
-            !stop() && self.run(&round, stop).1.is_some()
+            // A try that is interrupted has no result.
+            !is_over() && self.run(&round, &is_over).1.is_some() && !is_over()
         };
         let moves = shrink(&round.moves, TRIES, fails);
         let short = round.with(moves);
-        let why = self.run(&short, stop).1.unwrap_or_else(|| why.clone());
+        let is_shorter = short.moves.len() < round.moves.len();
+        let why = is_shorter.then(|| self.run(&short, stop).1).flatten().unwrap_or_else(|| why.clone());
         let path = self.keep.join(format!("soak-{}.rhai", round.seed));
         let written = std::fs::create_dir_all(&self.keep)
             .and_then(|()| output_file::write(&path, short.text(false).as_bytes()));

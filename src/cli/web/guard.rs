@@ -80,6 +80,7 @@ impl Guard {
     pub(super) fn check<B>(&self, request: &Request<B>) -> Result<(), Problem> {
         let headers = request.headers();
         let host = self.check_host(headers)?;
+        check_target(request.uri(), host)?;
         if !request.uri().path().starts_with("/api/") {
             return Ok(());
         }
@@ -166,6 +167,17 @@ fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Proble
     }
     let detail = "a POST needs `Content-Type: application/json`";
     Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "media-type", detail))
+}
+
+/// Refuses an absolute target, `POST http://HOST/...`, with another host than the header `Host`.
+fn check_target(target: &Uri, host: &str) -> Result<(), Problem> {
+    match target.authority().map(|authority| authority.as_str()) {
+        Some(named) if !named.eq_ignore_ascii_case(host) => {
+            let detail = format!("the request is for {named}, and its Host header names {host}");
+            Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "host", detail))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// True for an IP address or `localhost`, with or without a port.

@@ -80,15 +80,19 @@ impl FolderConfig {
 
 /// The debug output identifies the settings when a plant is compared with a snapshot. It contains the files
 /// of the device, but not the path of the folder.
+/// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not change it.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, folder, dir: _, card, bus } = self;
-        f.debug_struct(folder.registered.layout.name)
-            .field("name", name)
-            .field("files", &folder.fingerprint)
-            .field("card", card)
-            .field("bus", bus)
-            .finish()
+        let mut settings = f.debug_struct(folder.registered.layout.name);
+        settings.field("name", name).field("files", &folder.fingerprint);
+        if let Some(CardSection { plc, slot, trigger }) = card {
+            settings.field("option", &(plc, slot, trigger));
+        }
+        if let Some(bus) = bus {
+            settings.field("bus", bus);
+        }
+        settings.finish()
     }
 }
 
@@ -171,5 +175,29 @@ impl DeviceConfig for FolderConfig {
         let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()));
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), plugs))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::devices::samples::copy_folder;
+    use crate::plant::PlantConfig;
+
+    /// A number over this text is in snapshots, and another build of this version must compute the same number. So a key
+    /// that the plant file leaves out must not be in the text.
+    #[test]
+    fn the_settings_are_the_files_and_the_given_keys_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        copy_folder("encoder", folder.path());
+        let files = crate::devices::folder::load(folder.path()).unwrap().fingerprint;
+        let settings = |keys: &str| {
+            let kind = folder.path().display();
+            let plant = format!("[[device]]\nname = \"a\"\nkind = \"{kind}\"\n{keys}[[plc]]\nname = \"b\"\n");
+            let config = PlantConfig::parse("plant", &plant).unwrap();
+            format!("{:?}", config.devices.iter().find(|device| device.name() == "a").unwrap())
+        };
+        assert_eq!(settings(""), format!("encoder {{ name: \"a\", files: {files} }}"));
+        let card = settings("option = { plc = \"b\", slot = 2 }\n");
+        assert_eq!(card, format!("encoder {{ name: \"a\", files: {files}, option: (\"b\", 2, 1) }}"));
     }
 }

@@ -1,7 +1,7 @@
 //! The verbs for the history of registers.
 
 use super::arguments::value;
-use super::{Verbs, int};
+use super::{Verbs, held, int};
 use crate::script::PastChange;
 use rhai::{Array, Map};
 
@@ -12,7 +12,8 @@ impl Verbs {
             move |register: &str| {
                 stage.act(|bench| {
                     let past = bench.history(register)?;
-                    Ok(past.iter().map(|change| past_map(change).into()).collect::<Array>())
+                    let maps = past.iter().map(past_map).collect();
+                    held(maps, &format!("history(\"{register}\")"), "use `journal` with a later `since`")
                 })
             }
         });

@@ -1,7 +1,7 @@
 //! The verbs of buses and of the journal.
 
 use super::arguments::{data_bytes, identifier, number, span};
-use super::{Verbs, int, record_map};
+use super::{Verbs, held, int, record_map};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::script::SeenFrame;
@@ -9,6 +9,9 @@ use rhai::{Array, Dynamic, INT, Map};
 
 /// All bits of an identifier.
 const ALL_BITS: u16 = 0x7FF;
+
+/// Advice if a verb returns too many records.
+const LATER: &str = "give a later `since`";
 
 impl Verbs {
     pub(super) fn traffic(&mut self) {
@@ -90,17 +93,21 @@ impl Verbs {
         self.on("frames", |stage| {
             move |bus: &str, since: INT| {
                 stage.act(|bench| {
-                    let seen = bench.frames(bus, number(since, "time")?)?;
-                    Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
+                    let since = number(since, "time")?;
+                    let seen = bench.frames(bus, since)?;
+                    let verb = format!("frames(\"{bus}\", {since})");
+                    held(seen.iter().map(seen_map).collect(), &verb, LATER)
                 })
             }
         });
         self.on("journal", |stage| {
             move |since: INT| {
                 stage.act(|bench| {
-                    let records = bench.journal(number(since, "time")?)?;
+                    let since = number(since, "time")?;
+                    let records = bench.journal(since)?;
                     let mut text = Text::new(bench.names().clone(), devices::catalogue());
-                    Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
+                    let maps: Vec<_> = records.iter().map(|record| record_map(record, &mut text)).collect();
+                    held(maps, &format!("journal({since})"), LATER)
                 })
             }
         });

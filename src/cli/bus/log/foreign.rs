@@ -40,7 +40,11 @@ pub(super) fn conversion(path: &Path, bytes: &[u8]) -> Option<String> {
     };
     let example = format!("recording.{}", format.extension);
     let source = path.to_str().filter(is_plain).filter(|_| !extension.is_empty()).unwrap_or(&example);
-    let target = Path::new(source).with_extension("log");
+    let mut target = Path::new(source).with_extension("log");
+    // A converter that overwrites its input destroys it.
+    if target == Path::new(source) {
+        target.set_extension("candump.log");
+    }
     let target = target.display();
     let mut text = format!(
         "the format is {}; `can_logconvert {source} {target}` of python-can converts it",
@@ -69,6 +73,8 @@ mod tests {
             ("d/b.trc", ";$FILEVERSION=2.1\n", "`can_logconvert d/b.trc d/b.log`"),
             ("b.trc", "1 2 3", "TRC of PEAK"),
             ("b.csv", "timestamp,arbitration_id,extended\n", "CSV of python-can"),
+            ("d/b.log", "LOGG", "`can_logconvert d/b.log d/b.candump.log`"),
+            ("b.log", "date Sam Sep 30 2017\n", "`asc2log -I b.log -O b.candump.log`"),
             ("-", "SQLite format 3\0", "`can_logconvert recording.db recording.log`"),
         ] {
             let text = conversion(Path::new(path), head.as_bytes()).unwrap_or_default();

@@ -6,7 +6,7 @@ use crate::cli::error::CliError;
 use crate::cli::peek::ReadTarget;
 use crate::cli::web::link::{self, Connection};
 use crate::cli::web::problem::Problem;
-use crate::cli::web::router::{is_on, switch};
+use crate::cli::web::router::{is_on, repeated, switch};
 use crate::cli::web::strand;
 use crate::devices;
 use crate::identity::DeviceIndex;
@@ -94,8 +94,13 @@ impl Wish {
     /// Parses a query. Requests the emulator to record the changes of the followed registers.
     ///
     /// # Errors
-    /// The query contains an unknown field or register, or follows too many registers.
+    /// The query contains a field twice, an unknown field or register, or follows too many registers.
     pub(super) fn of_query(connection: &mut Connection, query: &[(String, String)]) -> Result<Self, Problem> {
+        if let Some(name) = repeated(query.iter().map(|(name, _)| name.as_str())) {
+            return Err(
+                Problem::wrong_use(format!("events: field `{name}` occurs twice")).with("field", name)
+            );
+        }
         let mut wish = Self::default();
         for (name, text) in query {
             let is_on = is_on(text);
