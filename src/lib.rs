@@ -113,6 +113,8 @@ pub mod runtime;
 #[cfg(feature = "script")]
 pub mod script;
 #[cfg(feature = "emulator")]
+pub mod serial;
+#[cfg(feature = "emulator")]
 pub mod snapshot_fields;
 pub mod time;
 #[cfg(any(test, feature = "export", feature = "script", feature = "studio"))]

@@ -55,6 +55,8 @@ mod registry;
 #[cfg(test)]
 pub(crate) mod samples;
 #[cfg(feature = "emulator")]
+pub(crate) mod serial_bus;
+#[cfg(feature = "emulator")]
 pub(crate) mod settings;
 #[cfg(feature = "emulator")]
 mod supply;
@@ -150,6 +152,19 @@ pub static BUS_KINDS: &[BusKind] = &[
         traffic_kind: TrafficKind::Telegrams,
         describe: |_| String::new(),
         unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
+        runs_alone: |_| false,
+    },
+    BusKind {
+        name: serial_bus::FAMILY,
+        read: serial_bus::SerialConfig::read,
+        schema: serial_bus::SerialConfig::schema,
+        records: serial_bus::records::KINDS,
+        rules: serial_bus::rules::ALL,
+        faults: serial_bus::faults::KINDS,
+        fits: |_| Ok(()),
+        traffic_kind: TrafficKind::Octets,
+        describe: |_| String::new(),
+        unplugged: || Box::new(serial_bus::SerialBus::unplugged()),
         runs_alone: |_| false,
     },
 ];

@@ -1,7 +1,7 @@
 //! Doors: entrances for foreign programs to the buses of a running plant.
 //!
 //! A door is an entrance over TCP or over a pseudo-terminal. A door to CAN uses SLCAN, the protocol of serial adapters.
-//! A door to PROFIBUS uses telegrams. A program that connects to a door is a guest. On the bus, a guest is a station
+//! A door to PROFIBUS uses telegrams, and a door to a serial line uses octets. A program that connects to a door is a guest. On the bus, a guest is a station
 //! like any other station. This module does not depend on the plant: [`Doors`] delivers messages from guests and
 //! accepts messages for guests. Both directions use bounded queues, so that a slow or dead guest delays no other
 //! station. A separate thread does all work that could block. A guest that requests emulated time takes part in
@@ -12,6 +12,7 @@ mod doors;
 mod guest;
 mod io;
 mod log_limiter;
+mod octets;
 mod protocol;
 mod pty;
 mod seat;

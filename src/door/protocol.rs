@@ -2,7 +2,7 @@
 
 use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
-use super::{slcan, telegrams};
+use super::{octets, slcan, telegrams};
 use core::fmt;
 
 /// Kind of messages. A bus and the protocol of its doors must have the same kind.
@@ -12,6 +12,8 @@ pub enum TrafficKind {
     Frames,
     /// The messages are telegrams of PROFIBUS.
     Telegrams,
+    /// The messages are octets of a serial line.
+    Octets,
 }
 
 impl fmt::Display for TrafficKind {
@@ -19,6 +21,7 @@ impl fmt::Display for TrafficKind {
         f.pad(match self {
             TrafficKind::Frames => "CAN",
             TrafficKind::Telegrams => "PROFIBUS",
+            TrafficKind::Octets => "serial lines",
         })
     }
 }
@@ -72,7 +75,7 @@ pub(super) trait GuestSession: fmt::Debug + Send {
 }
 
 /// All protocols, in the order in which error messages list them.
-pub(super) static PROTOCOLS: [&dyn Protocol; 2] = [&slcan::Slcan, &telegrams::Telegrams];
+pub(super) static PROTOCOLS: [&dyn Protocol; 3] = [&slcan::Slcan, &telegrams::Telegrams, &octets::Octets];
 
 /// Lists all kinds of doors, for error messages: `slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN`.
 pub(super) fn known_doors() -> String {
@@ -117,5 +120,6 @@ mod tests {
     fn messages_name_the_doors_of_a_bus() {
         assert_eq!(doors_of(TrafficKind::Frames), "slcan-tcp or slcan-pty");
         assert_eq!(doors_of(TrafficKind::Telegrams), "profibus-tcp or profibus-pty");
+        assert_eq!(doors_of(TrafficKind::Octets), "serial-tcp or serial-pty");
     }
 }

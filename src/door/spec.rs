@@ -1,4 +1,5 @@
-//! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`, `profibus-pty`.
+//! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`, `profibus-pty`,
+//! `serial-tcp:127.0.0.1:0`, `serial-pty`.
 
 use super::protocol::{PROTOCOLS, Protocol, TrafficKind, known_doors};
 use core::fmt;
@@ -205,6 +206,8 @@ mod tests {
             "profibus-tcp-anybody:0.0.0.0:4000",
             "profibus-pty",
             "profibus-pty:/dev/pts/9",
+            "serial-tcp:127.0.0.1:4000",
+            "serial-pty",
         ] {
             let door: DoorSpec = text.parse().unwrap();
             assert_eq!(door.to_string(), text);
@@ -217,7 +220,7 @@ mod tests {
     #[test]
     fn only_this_machine_gets_in_by_default() {
         for at in ["0.0.0.0:0", "192.168.0.7:4000", "8.8.8.8:1"] {
-            for kind in ["slcan-tcp", "profibus-tcp"] {
+            for kind in ["slcan-tcp", "profibus-tcp", "serial-tcp"] {
                 let refusal = format!("{kind}:{at}").parse::<DoorSpec>().unwrap_err();
                 assert!(matches!(refusal, BadDoor::NotLoopback { .. }), "{refusal}");
                 assert!(refusal.to_string().contains(&format!("write {kind}-anybody")), "{refusal}");

@@ -10,7 +10,7 @@ pub enum BusMessage {
     /// A frame of CAN.
     Frame(Frame),
     /// Octets on PROFIBUS, with the bit time of their first bit. A guest that wants to send as soon as the line is free
-    /// gives the bit time 0.
+    /// gives the bit time 0. Octets on a serial line have no time.
     Burst(Burst),
 }
 

@@ -1,5 +1,6 @@
-//! Logs in pcapng, which Wireshark and its tools read and write. A log contains only frames and telegrams. Times are
-//! emulated time since power-on. Each bus is an interface of the link type CAN_SOCKETCAN or PROFIBUS_DL.
+//! Logs in pcapng, which Wireshark and its tools read and write. A log contains only frames, telegrams and octets of
+//! serial lines. Times are emulated time since power-on. Each bus is an interface of the link type CAN_SOCKETCAN,
+//! PROFIBUS_DL or RTAC_SERIAL.
 //!
 //! A log has only three kinds of blocks: section, interface, packet.
 
@@ -23,6 +24,8 @@ const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 const SOCKETCAN: u16 = 227;
 /// LINKTYPE_PROFIBUS_DL: from the start delimiter to the end delimiter.
 const PROFIBUS_DL: u16 = 257;
+/// LINKTYPE_RTAC_SERIAL: octets of a serial line, after a head with time and direction.
+const RTAC_SERIAL: u16 = 250;
 
 /// The type of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +34,9 @@ pub enum Link {
     Can,
     /// The interface has telegrams of PROFIBUS.
     Profibus,
+    /// The interface has octets of a serial line. Octets of ports are transmitted, octets of other participants are
+    /// received.
+    Serial,
 }
 
 /// Options of an interface: its name, the unit of its times, and an offset of the times in seconds.

@@ -48,6 +48,7 @@ mod projects;
 mod registers;
 mod scenarios;
 mod schemas;
+mod serial;
 mod shm;
 mod simulators;
 mod soak;

@@ -21,6 +21,7 @@ mod history;
 mod jobs;
 mod journal;
 mod profibus;
+mod serial;
 mod slave_any;
 mod slave_jobs;
 mod slave_on_bus;

@@ -57,6 +57,7 @@ fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
         let link = match devices::traffic_kind_of(&bus.kind) {
             Some(TrafficKind::Telegrams) => Link::Profibus,
+            Some(TrafficKind::Octets) => Link::Serial,
             Some(TrafficKind::Frames) | None => Link::Can,
         };
         (bus.name, link)

@@ -1,7 +1,7 @@
 //! A PLC as the plant file describes it.
 
 use super::Plc;
-use super::plc::{MASTER, SLAVE};
+use super::plc::{MASTER, SERIAL, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, MonitorSettings};
 use crate::devices::omega_drive_line_2::registers::{
     BAUD_RATES, DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
@@ -30,6 +30,8 @@ pub struct PlcConfig {
     pub node1: Option<String>,
     /// Name of the bus at node 2. The PLC is the master of this bus.
     pub node2: Option<String>,
+    /// Name of the serial line at the RS485 port.
+    pub serial: Option<String>,
     /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
@@ -143,11 +145,13 @@ impl DeviceConfig for PlcConfig {
         vec![
             PortConfig { number: SLAVE, name: "node1", bus: node1, address: Some(self.dip) },
             PortConfig { number: MASTER, name: "node2", bus: node2, address: None },
+            PortConfig { number: SERIAL, name: "serial", bus: self.serial.as_deref(), address: None },
         ]
     }
 
-    fn kbit_s(&self, _: PortNumber) -> Vec<u16> {
-        BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
+    fn kbit_s(&self, port: PortNumber) -> Vec<u16> {
+        let nodes = BAUD_RATES.iter().filter(|_| port != SERIAL);
+        nodes.map(|rate| rate.kbit_per_s).collect()
     }
 
     fn retain_bytes(&self) -> u32 {

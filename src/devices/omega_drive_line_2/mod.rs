@@ -21,6 +21,8 @@ pub(crate) mod faults;
 mod plc;
 #[cfg(feature = "emulator")]
 pub mod rules;
+#[cfg(feature = "emulator")]
+mod serial;
 
 use crate::devices::Registered;
 #[cfg(feature = "emulator")]

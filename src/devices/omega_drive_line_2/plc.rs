@@ -1,5 +1,5 @@
 //! An Omega Drive-Line II: its communication RAM, its board, Ethernet, and the drive that contains it. The buses
-//! run its two CANsync nodes.
+//! run its two CANsync nodes and its RS485 port.
 
 use super::config::PlcConfig;
 use super::faults::{Effect, pace};
@@ -12,6 +12,7 @@ use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
+use crate::devices::omega_drive_line_2::serial::Serial;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
     AddressWrites, BuildError, CardPulses, Context, ControllerPulses, Device, DevicePorts, DeviceView,
@@ -26,9 +27,10 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{FirmwareHeader, Header, Segment};
 use crate::snapshot_fields;
 
-/// Numbers of the two ports.
+/// Numbers of the ports.
 pub(super) const SLAVE: PortNumber = PortNumber(1);
 pub(super) const MASTER: PortNumber = PortNumber(2);
+pub(super) const SERIAL: PortNumber = PortNumber(3);
 /// Number that records use for the BAPS instead of a port number. The BAPS is not a port.
 const BAPS_NODE: PortNumber = PortNumber::DEVICE;
 
@@ -82,6 +84,7 @@ impl Plc {
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),
             plug(&DEVICE.ports[1], &config.node2, SocketRole::Master { has_sync_in }),
+            Serial::plug(index, &segment, config.serial.as_deref())?,
         ];
         let device = Plc {
             index,
@@ -361,7 +364,8 @@ impl Drives for Plc {
 
 impl AddressWrites for Plc {
     fn written_by_address(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(location), offset, bytes);
+        let nodes = DEVICE.ports.iter().filter(|port| port.number != SERIAL);
+        note_restarts(&self.segment, &self.face, nodes.map(location), offset, bytes);
     }
 
     /// True only for `d_IP_CONFIG`.

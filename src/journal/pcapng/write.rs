@@ -1,7 +1,8 @@
 //! Writes logs.
 
 use super::{
-    BYTE_ORDER, EXTENDED, INTERFACE, Link, NAME, PACKET, PROFIBUS_DL, REMOTE, RESOLUTION, SECTION, SOCKETCAN,
+    BYTE_ORDER, EXTENDED, INTERFACE, Link, NAME, PACKET, PROFIBUS_DL, REMOTE, RESOLUTION, RTAC_SERIAL,
+    SECTION, SOCKETCAN,
 };
 use crate::can::{Frame, Id};
 use crate::journal::{Format, Octets, Record, Source};
@@ -61,6 +62,24 @@ pub(super) fn packet(frame: &Frame) -> [u8; 16] {
     packet
 }
 
+/// Number of bytes of the head of a packet with octets of a serial line.
+const SERIAL_HEAD: usize = 12;
+/// Kinds of such packets: octets that were transmitted and received.
+const DATA_TX: u8 = 1;
+const DATA_RX: u8 = 2;
+
+/// Returns the head of octets of a serial line: seconds, microseconds, kind, and three bytes for signals that RS485 does
+/// not have.
+fn serial_head(record: &Record) -> [u8; SERIAL_HEAD] {
+    let (seconds, us) = ((record.time_us / 1_000_000) as u32, (record.time_us % 1_000_000) as u32);
+    let kind = if record.event.guest().is_some() { DATA_RX } else { DATA_TX };
+    let mut head = [0; SERIAL_HEAD];
+    head[..4].copy_from_slice(&seconds.to_be_bytes());
+    head[4..8].copy_from_slice(&us.to_be_bytes());
+    head[8] = kind;
+    head
+}
+
 impl Format<Vec<u8>> for Pcapng {
     fn begin(&self, out: &mut Vec<u8>) {
         let mut section = Vec::new();
@@ -75,6 +94,7 @@ impl Format<Vec<u8>> for Pcapng {
             let link = match link {
                 Link::Can => SOCKETCAN,
                 Link::Profibus => PROFIBUS_DL,
+                Link::Serial => RTAC_SERIAL,
             };
             interface.extend(link.to_le_bytes());
             // A reserved field, then a zero: the length of packets has no limit.
@@ -92,7 +112,11 @@ impl Format<Vec<u8>> for Pcapng {
             let known = packet(&carried.frame).to_vec();
             Octets { length: known.len(), known }
         });
-        let Some(Octets { mut known, length }) = frame.or_else(|| record.telegram()) else { return };
+        let Some(Octets { mut known, mut length }) = frame.or_else(|| record.telegram()) else { return };
+        if let Some((_, Link::Serial)) = self.buses.get(bus.index()) {
+            known.splice(0..0, serial_head(record));
+            length += SERIAL_HEAD;
+        }
         let (high, low) = ((record.time_us >> 32) as u32, record.time_us as u32);
         let words = [bus.0, high, low, known.len() as u32, length as u32];
         let mut body: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).collect();
