@@ -100,11 +100,12 @@ pub struct Line {
 }
 
 impl Line {
-    /// Puts a character on the line. Characters at the same time on the same pair destroy each other.
+    /// Puts a character on the line. Characters at the same time on the same pair destroy each other, unless one of them
+    /// is lost.
     pub fn begin(&mut self, mut character: OnLine) {
         for other in &mut self.characters {
             let overlaps = character.begin < other.end && other.begin < character.end;
-            if overlaps && character.pair.meets(other.pair) {
+            if overlaps && character.pair.meets(other.pair) && !character.is_lost && !other.is_lost {
                 other.has_collided = true;
                 character.has_collided = true;
             }
@@ -192,6 +193,10 @@ mod tests {
             let ends = [(); 3].map(|()| line.end(200).unwrap().has_collided);
             assert_eq!(ends, [collides, collides, false], "{pair:?}");
         }
+        let mut line = Line::default();
+        line.begin(OnLine { is_lost: true, ..octet(1, Pair::Down, 100) });
+        line.begin(octet(2, Pair::Down, 110));
+        assert_eq!([(); 2].map(|()| line.end(200).unwrap().has_collided), [false; 2]);
     }
 
     #[test]

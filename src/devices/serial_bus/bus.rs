@@ -228,7 +228,9 @@ impl SerialBus {
                 continue;
             };
             // On two wires the receiver of a port is off while the port sends (D-856).
-            let is_deaf = self.wires == Wires::Two && self.line.of_sender(place).is_some();
+            let has_sent =
+                self.line.of_sender(place).is_some() || self.ends[place].free_from > character.begin;
+            let is_deaf = self.wires == Wires::Two && has_sent;
             if place == sender || is_deaf || !self.wires.hears(place == 0, character.pair) {
                 continue;
             }
@@ -508,6 +510,9 @@ impl Faulty for SerialBus {
     /// Makes a break. Faults of characters act when a character begins.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let (Target::Bus(_), Some(faults::Effect::Break(us))) = (target, effect.get()) else { return None };
+        if self.line.of_sender(NOISE).is_some() {
+            return None;
+        }
         let begin = ticks_from(now);
         let end = begin + ticks_from(u64::from(*us)).max(self.format.ticks());
         let disturbance = OnLine::new(NOISE, Pair::Both, self.format, Signal::Break, begin);

@@ -12,8 +12,8 @@ pub(crate) static KINDS: &[&EventKind] =
     &[SerialOctets::KIND, SerialError::KIND, SerialSetup::KIND, SerialOverrun::KIND];
 
 event_kinds! {
-    /// A participant has sent octets without a pause. The time is the end of the last octet, in whole microseconds
-    /// rounded up.
+    /// A participant has sent octets without a pause. The time is the end of the last octet, or of a character with an
+    /// error that follows it without a pause, in whole microseconds rounded up.
     SerialOctets = 82, "serial", Traffic, at bus {
         /// Sender of the octets.
         sender: Origin,
