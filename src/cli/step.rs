@@ -103,7 +103,7 @@ mod tests {
     fn ports_are_named_as_in_registers() {
         assert!(["", "node2", "line2:node1", "slotG"].into_iter().all(|text| check(text).is_ok()));
         let error = check("node3").unwrap_err();
-        assert_eq!(error.to_string(), "unknown port `node3`; the ports are node1, node2");
+        assert_eq!(error.to_string(), "unknown port `node3`; the ports are node1, node2, serial");
         assert_eq!(error.exit_code(), 2);
     }
 }

@@ -96,6 +96,20 @@ const EACH_KIND: [(&str, &str); 33] = [
     ("kind = 'memory'\nplc = 'saw'", "memory plc=saw count=1"),
     ("kind = 'fatal'\nplc = 'saw'\ncount = 2", "fatal plc=saw count=2"),
     ("kind = 'can_init'\nplc = 'saw'", "can_init plc=saw"),
+    (
+        "kind = 'lose_character'\nbus = 'upper'\noctet = 0x10\nsender = 'port'\ncount = 1",
+        "lose_character bus=upper sender=port octet=16#10 count=1",
+    ),
+    ("kind = 'garble_character'\nbus = 'upper'\noctet = 2", "garble_character bus=upper octet=16#02"),
+    (
+        "kind = 'delay_character'\nbus = 'upper'\ndelay_us = 700\nsender = 'partner'",
+        "delay_character bus=upper sender=partner delay_us=700",
+    ),
+    (
+        "kind = 'silent_participant'\nbus = 'upper'\nsender = 'partner'",
+        "silent_participant bus=upper sender=partner",
+    ),
+    ("kind = 'line_break'\nbus = 'upper'\nlength_us = 20000", "line_break bus=upper length_us=20000 count=1"),
     ("kind = 'hang'\nplc = 'saw'", "hang plc=saw"),
 ];
 
@@ -223,7 +237,8 @@ fn each_mistake_names_the_field_and_a_correct_value() {
              wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow, \
              error_frame, lost_arbitration, lose_telegram, delay_telegram, repeat_telegram, garble_telegram, \
              wrong_frame_count, silent_station, noise, short_circuit, wire_break, supply, temperature, memory, \
-             fatal, can_init, hang",
+             fatal, can_init, lose_character, garble_character, delay_character, silent_participant, \
+             line_break, hang",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",

@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(
             plain.received_as(none),
             Some(Received { octet: 0x40, error: None }),
-            "without parity nobody notices"
+            "no receiver without parity notices"
         );
         let broken = OnLine { signal: Signal::Break, ..sent };
         assert_eq!(error(broken, even), Some(CharacterError::Break));
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sender_without_power_leaves_a_character_that_nobody_decodes() {
+    fn a_character_of_a_sender_without_power_is_destroyed() {
         let mut line = Line::default();
         line.begin(octet(4, Pair::Down, 0));
         line.cut_off(4);
