@@ -113,7 +113,7 @@ fn characters_arrive_at_the_end_of_their_bits() {
     // The firmware polls at 2500 us. The line counts in ticks of 1/38400 s, and tick 96 begins at 2500 us.
     assert_eq!(arrived, [(3_646, 0x02), (4_792, 0x10), (5_938, 0xFF)]);
     assert_eq!((a.0.u_TX_TAIL.load(), a.status()), (3, serial_status::READY));
-    assert_eq!(lines(&plant, &[" octet"]), ["0.005938 s  rs485       3 octets 02 10 FF from a:serial"]);
+    assert_eq!(lines(&plant, &[" octet"]), ["0.005938 s  rs485    3 octets 02 10 FF from a:serial"]);
     assert_eq!(findings(&plant), [""; 0]);
 }
 
@@ -145,7 +145,7 @@ fn two_participants_on_two_wires_destroy_each_others_characters() {
     let received: Vec<_> = ports.iter().map(Port::receive).collect();
     let framing = serial_received::FRAMING;
     assert_eq!(received, [vec![], vec![], vec![framing, framing]]);
-    assert_eq!(findings(&plant), ["serial-collision"]);
+    assert_eq!(findings(&plant), ["serial-collision"; 2], "one for each PLC");
     let errors = lines(&plant, &["collision"]);
     assert!(errors.len() == 2 && errors[0].contains("destroyed by a collision from a:serial"), "{errors:?}");
 }
@@ -163,7 +163,7 @@ fn a_port_for_four_wires_blocks_a_line_with_two() {
     ports[1].send(&[0x42]);
     plant.advance_to(10_000);
     assert_eq!(ports[2].receive(), [0x42]);
-    assert_eq!(findings(&plant), ["serial-wires", "serial-collision"]);
+    assert_eq!(findings(&plant), ["serial-collision", "serial-wires"]);
 }
 
 #[test]
