@@ -8,6 +8,7 @@ use std::path::Path;
 const OTHERS: &str = "\
 [[plc]]
 name = 'line'
+serial = 'rs485'
 [[plc]]
 name = 'line2'
 node2 = 'upper'
@@ -36,6 +37,10 @@ profibus = 'dp'
 name = 'dp'
 kind = 'profibus'
 [[bus]]
+name = 'rs485'
+kind = 'serial'
+wires = 4
+[[bus]]
 name = 'fast'
 kbit_s = 1000
 [[bus]]
@@ -47,7 +52,7 @@ kbit_s = 125
 ";
 
 /// A command that contains one of these texts runs at that plant.
-const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open", "bus=dp"];
+const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open", "bus=dp", "rs485"];
 
 /// Commands that contain one of these texts are not run here, with the reason.
 const ELSEWHERE: &[(&str, &str)] = &[
