@@ -12,6 +12,7 @@
 //! | [`memory`] | cells, segments, and the parts to which a soft-PLC attaches: image files, the header page |
 //! | [`can`] | CAN frames, their time on the wire, a CAN bus |
 //! | [`profibus`] | PROFIBUS telegrams, their time on the line |
+//! | [`serial`] | characters of serial lines, and the protocols 3964R and USS |
 //! | [`door`] | interfaces through which foreign programs take part in buses |
 //! | [`devices`] | the devices: behaviour of the registers, buses, function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
@@ -112,7 +113,7 @@ pub mod request;
 pub mod runtime;
 #[cfg(feature = "script")]
 pub mod script;
-#[cfg(feature = "emulator")]
+#[cfg(any(feature = "emulator", feature = "plc"))]
 pub mod serial;
 #[cfg(feature = "emulator")]
 pub mod snapshot_fields;

@@ -1,9 +1,11 @@
 //! Characters as a receiver sees them.
 
+#[cfg(feature = "emulator")]
 use serde::{Deserialize, Serialize};
 
 /// A character that a receiver has received: a byte, or an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub enum Character {
     /// The character arrived without an error that its receiver could detect.
     Byte(u8),
@@ -12,7 +14,8 @@ pub enum Character {
 }
 
 /// An error that a receiver has detected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub enum CharacterError {
     /// The parity bit does not fit the data bits.
     #[error("wrong parity")]

@@ -1,16 +1,24 @@
-//! Asynchronous serial communication over RS485: characters, their formats and times, and a line that several
-//! participants share.
+//! Asynchronous serial communication over RS485: characters, their formats and times, a line that several participants
+//! share, and the protocols 3964R and USS.
 //!
-//! The module depends on no device and no protocol. It uses no I/O and no clock. On the line, times are counted in
+//! The module depends on no device. It uses no I/O and no clock. On the line, times are counted in
 //! [ticks](TICKS_PER_SECOND): a bit of each permitted baud rate is a whole number of ticks. The plant uses microseconds,
 //! so times are converted at its interface ([`ticks_from`], [`us_at`]).
 
 mod character;
+#[cfg(feature = "emulator")]
 mod format;
+#[cfg(feature = "emulator")]
 mod line;
+#[cfg(test)]
+mod noise;
+pub mod procedure_3964r;
+pub mod uss;
 
 pub use character::{Character, CharacterError, Received};
+#[cfg(feature = "emulator")]
 pub use format::{BAUD_RATES, CharacterFormat, Parity, Wires};
+#[cfg(feature = "emulator")]
 pub use line::{Line, OnLine, Pair, Signal};
 
 /// An emulated time in microseconds.
