@@ -5,6 +5,7 @@
 mod baps;
 mod board;
 mod cansync;
+mod serial_3964r;
 
 use crate::devices::cansync::blocks::st::st;
 use crate::plc::{BlockKind, StPart, block_kinds};
@@ -15,6 +16,7 @@ pub use crate::plc::{Base, Program, Progress, Ram, RunError, Tasks};
 pub use baps::*;
 pub use board::{LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
 pub use cansync::*;
+pub use serial_3964r::{SERIAL_3964R, SERIAL_BMARRAY, SERIAL_OCTETS};
 
 /// The function blocks with the structures that they work on, in the order of the manual's chapters.
 pub static BLOCKS: &[BlockKind] = block_kinds! {
@@ -30,6 +32,7 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
     "BAPS_CTRL_BMSTRUCT":
         BAPS_INIT BAPS_PD_COMM2 BAPS_PD_COMM8 BAPS_PD_COMM24 BAPS_PD_CONTROL BAPS_PAR_READ BAPS_PAR_WRITE
         BAPS_SD_CONTROL;
+    "SERIAL_BMSTRUCT": SERIAL_3964R;
     -: LED INTR_SET OPT_INIT TIME_MEASURE_START TIME_MEASURE_END;
 };
 
@@ -43,6 +46,7 @@ pub static ST: &[StPart] = st!(
         include_str!("st/board.st"),
         include_str!("st/baps_init.st"),
         include_str!("st/baps_pd.st"),
-        include_str!("st/baps_sd.st")
+        include_str!("st/baps_sd.st"),
+        include_str!("st/serial_3964r.st")
     ]
 );
