@@ -66,6 +66,17 @@ const IN_OTHER_PLANTS: [&Rule; 2] = [&cansync::rules::NUMBER_TAKEN, &cansync::ru
 /// The rules of scripts of device folders: `tests/device/folders.rs`.
 const OF_SCRIPTS: [&str; 2] = ["own-rule", "script-stopped"];
 
+/// The rules of serial lines: `tests/device/serial.rs`.
+const OF_SERIAL_LINES: [&str; 7] = [
+    "serial-settings",
+    "serial-format",
+    "serial-wires",
+    "serial-termination",
+    "serial-pull",
+    "serial-collision",
+    "serial-ring",
+];
+
 #[test]
 fn every_rule_has_a_case() {
     // Rules of a device that is not in this list are tested next to its firmware.
@@ -81,6 +92,7 @@ fn every_rule_has_a_case() {
                 && !IN_OTHER_PLANTS.contains(rule)
                 && !elsewhere.contains(rule)
                 && !OF_SCRIPTS.contains(&rule.id())
+                && !OF_SERIAL_LINES.contains(&rule.id())
                 && cases(OMEGA_RATES[0].kind).all(|case| case.rule != *rule)
         })
         .collect();
