@@ -28,6 +28,15 @@ const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor 
     static_cast stderr stdin stdout struct switch template this thread_local throw true try typedef typeid typename typeof typeof_unqual \
     union unix unsigned using virtual void volatile wchar_t while xor xor_eq";
 
+/// Macros without arguments that the included headers of the system define (glibc 2.36, gcc 12), except [`FAMILIES`].
+const MACROS: &str = include_str!("c/macros.txt");
+
+/// Functions and types that these headers declare.
+const NAMES: &str = include_str!("c/names.txt");
+
+/// Beginnings of macros of which each version of the system has others.
+const FAMILIES: [&str; 3] = ["SYS_", "FUTEX_", "__"];
+
 pub(crate) fn generate(scope: &Scope) -> String {
     header(scope, "c", "")
 }
@@ -238,9 +247,11 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
-/// Returns the name of a field, with `_` appended if the name has another meaning in C or C++.
+/// Returns the name of a field, with `_` appended if C or C++ has another use of it: a word of the language, or a macro.
 fn field_name(name: &str) -> String {
-    if KEYWORDS.split_whitespace().any(|word| word == name) { format!("{name}_") } else { name.to_owned() }
+    let is_word = |words: &str| words.split_whitespace().any(|word| word == name);
+    let is_in_family = FAMILIES.iter().any(|family| name.starts_with(family));
+    if is_in_family || is_word(KEYWORDS) || is_word(MACROS) { format!("{name}_") } else { name.to_owned() }
 }
 
 /// Returns the name of a type, a function or a macro, with `_` appended if the name has another meaning in C, in C++ or
@@ -250,7 +261,8 @@ fn free_name(name: &str) -> String {
     let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE]
         .iter()
         .any(|text| text.split(|c| !is_part(c)).any(|word| word == name));
-    if is_used { format!("{name}_") } else { field_name(name) }
+    let is_declared = NAMES.lines().any(|declared| declared == name);
+    if is_used || is_declared { format!("{name}_") } else { field_name(name) }
 }
 
 #[cfg(test)]
@@ -265,6 +277,15 @@ mod tests {
     #[test]
     fn names_that_c_needs_itself_get_an_underscore() {
         assert_eq!(["int", "NULL", "w_INT", "xor_eq"].map(field_name), ["int_", "NULL_", "w_INT", "xor_eq_"]);
+    }
+
+    #[test]
+    fn names_of_system_headers_get_an_underscore() {
+        let fields = ["INT_MAX", "EINTR", "O_RDWR", "SYS_futex", "st_mtime", "read", "__linux__", "E_STATE"];
+        let right =
+            ["INT_MAX_", "EINTR_", "O_RDWR_", "SYS_futex_", "st_mtime_", "read", "__linux___", "E_STATE"];
+        assert_eq!(fields.map(field_name), right);
+        assert_eq!(["FILE", "read", "FILES"].map(free_name), ["FILE_", "read_", "FILES"]);
     }
 
     #[test]

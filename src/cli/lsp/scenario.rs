@@ -159,7 +159,7 @@ impl<'a> ScriptView<'a> {
 
     fn plant_named(&self, text: &str) -> Option<PlantName> {
         if is_plant_text(text) {
-            return Some(PlantName::Text(text.to_owned()));
+            return Some(PlantName::Text { text: text.to_owned(), directory: self.directory() });
         }
         (!text.is_empty()).then(|| PlantName::File(without_dots(&self.directory().join(text))))
     }

@@ -22,7 +22,7 @@ pub(super) enum PlantName {
     /// The plant of the plant file at this path.
     File(PathBuf),
     /// The text of a plant file, in a scenario in this directory.
-    Text(String),
+    Text { text: String, directory: PathBuf },
     /// A plant that contains only the device in this folder.
     Device(PathBuf),
 }
@@ -63,7 +63,7 @@ impl Scenes {
             PlantName::File(path) => {
                 open(path).map_or_else(|| input_file::read(path, input_file::LONGEST_PLANT), Ok)
             }
-            PlantName::Text(text) => Ok(text.clone()),
+            PlantName::Text { text, .. } => Ok(text.clone()),
             PlantName::BuiltIn | PlantName::Device(_) => Ok(String::new()),
         };
         let folders = self.known.get(name).and_then(|known| known.scene.as_ref().ok());
@@ -95,7 +95,7 @@ impl Scenes {
 fn file_of(name: &PlantName) -> String {
     match name {
         PlantName::File(path) | PlantName::Device(path) => path.display().to_string(),
-        PlantName::BuiltIn | PlantName::Text(_) => "plant".to_owned(),
+        PlantName::BuiltIn | PlantName::Text { .. } => "plant".to_owned(),
     }
 }
 
@@ -105,7 +105,7 @@ fn build(name: &PlantName, text: &str) -> Result<Scene, String> {
         PlantName::File(path) => {
             PlantConfig::parse_from(path.parent().unwrap_or(Path::new("")), &path.display().to_string(), text)
         }
-        PlantName::Text(_) => PlantConfig::parse("plant", text),
+        PlantName::Text { directory, .. } => PlantConfig::parse_from(directory, "plant", text),
         PlantName::Device(dir) => crate::cli::test::scenario::plant_of(dir)
             .map(|(_, plant)| Ok(plant))
             .map_err(|error| error.to_string())?,

@@ -231,7 +231,7 @@ impl Stage {
     pub(super) fn plant(&mut self, text: &str, place: &ScriptLocation) -> Result<(), ScenarioError> {
         let config = if is_plant_text(text) {
             self.plant_name = "plant in the scenario".to_owned();
-            PlantConfig::parse("plant", text)?
+            PlantConfig::parse_from(&self.directory, "plant", text)?
         } else {
             let file = self.plant_file.insert(self.directory.join(text));
             self.plant_name = file.display().to_string();
