@@ -84,6 +84,21 @@ impl PortNumber {
     /// Means the device itself, in places where a port or a device can be named.
     pub const DEVICE: Self = PortNumber(0);
 
+    /// Number below that of option interface 1. A device has fewer ports.
+    const OPTION_INTERFACES: u8 = 240;
+
+    /// Number of an option interface, 1 to 15, in journals: its registers belong to an option card.
+    #[must_use]
+    pub const fn of_option_interface(interface: u8) -> Self {
+        PortNumber(Self::OPTION_INTERFACES + interface % 16)
+    }
+
+    /// Returns the number of the option interface, if this is the number of one.
+    #[must_use]
+    pub const fn option_interface(self) -> Option<u8> {
+        if self.0 > Self::OPTION_INTERFACES { Some(self.0 - Self::OPTION_INTERFACES) } else { None }
+    }
+
     /// Returns the position of the port's entry in the header page. For [`DEVICE`](Self::DEVICE), returns `usize::MAX`,
     /// a position at which no list has an entry.
     #[inline]

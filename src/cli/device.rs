@@ -8,6 +8,7 @@ use crate::devices::folder;
 use crate::devices::{self, Registered};
 use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
 use crate::memory::MemoryError;
+use crate::plant::PlantConfig;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
@@ -16,7 +17,7 @@ use std::path::Path;
 
 #[derive(clap::Args)]
 pub(crate) struct DeviceArg {
-    /// Type of the device
+    /// Type of the device, its folder, or a device of a plant: PLANT.toml:NAME
     #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::default().layout.name)]
     device: ChosenDevice,
 }
@@ -27,13 +28,14 @@ impl DeviceArg {
         self.device.layout
     }
 
-    /// Returns the path of the device's folder, as the user has written it. `None` if the device is not in a folder.
+    /// Returns the path of the device's folder, or the plant file with the device's name, as the user has written it. `None` for
+    /// a device of the program.
     pub(crate) fn folder(&self) -> Option<&str> {
         self.device.folder.as_deref()
     }
 }
 
-/// A device, and the path of its folder as the user has written it.
+/// A device, and the path of its folder or its place in a plant file, as the user has written it.
 #[derive(Clone)]
 struct ChosenDevice {
     layout: &'static DeviceLayout,
@@ -68,6 +70,10 @@ impl TypedValueParser for DeviceParser {
                 devices::find(name).is_none().then(|| folder::search(name))??.to_str().map(str::to_owned)
             }
         };
+        if let Some((plant, name)) = value.to_str().and_then(in_plant) {
+            let refused = |reason| cmd.clone().error(ErrorKind::ValueValidation, reason);
+            return device_of_plant(plant, name).map_err(refused);
+        }
         let folder = value.to_str().and_then(path);
         let read = |path: String| {
             let dir = folder::find(Path::new(""), &path)?;
@@ -92,6 +98,23 @@ impl TypedValueParser for DeviceParser {
         let names = Self::names();
         let values: Vec<_> = names.possible_values()?.collect();
         Some(Box::new(values.into_iter()))
+    }
+}
+
+/// Splits a value such as `plant.toml:line` into a plant file and the name of a device.
+fn in_plant(value: &str) -> Option<(&str, &str)> {
+    value.rsplit_once(':').filter(|(plant, _)| plant.ends_with(".toml"))
+}
+
+/// Returns a device as it is in a plant: a PLC has the registers of its option cards.
+fn device_of_plant(file: &str, name: &str) -> Result<ChosenDevice, String> {
+    let plant = PlantConfig::load(Path::new(file)).map_err(|error| error.to_string())?;
+    match plant.device(name) {
+        Some(device) => Ok(ChosenDevice { layout: device.layout(), folder: Some(format!("{file}:{name}")) }),
+        None => {
+            let known: Vec<_> = plant.devices.iter().map(|device| device.name()).collect();
+            Err(format!("{file} has no device '{name}'; its devices: {}", known.join(", ")))
+        }
     }
 }
 

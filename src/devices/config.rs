@@ -1,7 +1,7 @@
 //! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions. The
 //! device or bus itself reads the keys of its section.
 
-use super::{BuildError, Bus, Device, Plug, faults_of_device};
+use super::{BuildError, Bus, Device, OptionInterface, Plug, faults_of_device};
 use crate::can;
 use crate::can::Message;
 use crate::door::{DoorSpec, TrafficKind};
@@ -96,6 +96,13 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         None
     }
 
+    /// Returns the same device with another layout: a controller whose memory also has the registers of its option cards, or
+    /// a card that has only its front panel in its image. `None` if the device keeps its layout.
+    fn with_layout(&self, layout: &'static layout::DeviceLayout) -> Option<Arc<dyn DeviceConfig>> {
+        let _ = layout;
+        None
+    }
+
     /// Builds device number `index` of the plant in this image, and its ports. The ports are not connected
     /// yet.
     ///
@@ -103,6 +110,20 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
     fn build(&self, index: DeviceIndex, segment: Segment)
     -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
+
+    /// Builds the device like [`DeviceConfig::build`], as an option card with its registers in the image of its controller.
+    ///
+    /// # Errors
+    /// Returns the errors of [`DeviceConfig::build`].
+    fn build_card(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+        memory: CardMemory,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let _ = memory;
+        self.build(index, segment)
+    }
 }
 
 /// Returns a number that distinguishes different settings of a device or bus within one version of commram.
@@ -118,8 +139,21 @@ pub struct CardPlace<'a> {
     pub controller: &'a str,
     /// Number of the slot, from 1.
     pub slot: u8,
+    /// Number of the option interface with the registers of the card; `None` for the first interface of the slot.
+    pub interface: Option<u8>,
     /// Trigger of the controller that is connected to the card: 1 or 2.
     pub trigger: u8,
+}
+
+/// The part of the image of a controller that has the registers of an option card.
+#[derive(Clone)]
+pub struct CardMemory {
+    /// Number of the controller.
+    pub controller: DeviceIndex,
+    /// Image of the controller.
+    pub segment: Segment,
+    /// Option interface of the card.
+    pub interface: OptionInterface,
 }
 
 /// A port as the plant file describes it.

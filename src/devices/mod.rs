@@ -77,7 +77,8 @@ pub(crate) use catalogue::known_fault_kinds;
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
 pub use config::{
-    BusKind, BusSection, CardPlace, DeviceConfig, Doubt, MasterConfig, PortConfig, Read, settings_number,
+    BusKind, BusSection, CardMemory, CardPlace, DeviceConfig, Doubt, MasterConfig, PortConfig, Read,
+    settings_number,
 };
 #[cfg(feature = "emulator")]
 pub use dissectors::dissectors;
@@ -90,7 +91,7 @@ pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
 #[cfg(feature = "emulator")]
-pub use registry::Emulation;
+pub use registry::{Emulation, OptionInterface};
 pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};

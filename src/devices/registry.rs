@@ -16,10 +16,10 @@ use crate::plc::{BlockKind, StPart};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 #[cfg(feature = "emulator")]
-pub use emulation::Emulation;
+pub use emulation::{Emulation, OptionInterface};
 
 /// A device that is registered with commram.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Registered {
     /// Areas, registers, ports and times of the device.
     pub layout: &'static Layout,

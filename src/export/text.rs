@@ -37,18 +37,21 @@ fn title(scope: &Scope) -> String {
     format!("Registers of the {title}{} (manual {manual}).", folder(scope))
 }
 
-/// Suffix with the device's name and folder: `, device counter in the folder ./cards/counter`. The suffix is empty if
-/// the device is not in a folder.
+/// Suffix with the device's name and folder: `, device counter in the folder ./cards/counter`; or with a device of a plant
+/// file. The suffix is empty if the device is in neither.
 pub(crate) fn folder(scope: &Scope) -> String {
-    path(scope)
-        .map_or_else(String::new, |path| format!(", device {} in the folder {path}", scope.device.name))
+    let described = |path: String| match path.contains(".toml:") {
+        true => format!(", as {path} has it"),
+        false => format!(", device {} in the folder {path}", scope.device.name),
+    };
+    path(scope).map_or_else(String::new, described)
 }
 
 /// Returns the path of the device's folder. `?` replaces each character that could end a comment or a word of a shell.
 /// A shell that expands the `?` still finds the folder.
 fn path(scope: &Scope) -> Option<String> {
     let plain = |sign: char| match sign {
-        '.' | '/' | '_' | '-' | '+' | '@' | '~' => sign,
+        '.' | '/' | '_' | '-' | '+' | '@' | '~' | ':' => sign,
         _ if sign.is_alphanumeric() => sign,
         _ => '?',
     };

@@ -45,7 +45,10 @@ impl Names {
         match (origin.node, device.port_numbered(origin.node)) {
             (PortNumber::DEVICE, _) => Cow::Borrowed(device.own.map_or("device", |area| area.name)),
             (_, Some(port)) => Cow::Borrowed(port.name),
-            (number, None) => Cow::Owned(format!("port{number}")),
+            (number, None) => Cow::Owned(match number.option_interface() {
+                Some(interface) => format!("option{interface}"),
+                None => format!("port{number}"),
+            }),
         }
     }
 

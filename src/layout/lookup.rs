@@ -8,6 +8,9 @@ use super::name::split_plc;
 use super::register::RegisterRef;
 use super::space::Space;
 
+/// Length of the header page of an image in bytes.
+const HEADER_PAGE: usize = 4096;
+
 /// The PLC, address and registers that a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000` means.
 #[derive(Debug, Clone)]
 pub struct Target<'a> {
@@ -49,10 +52,12 @@ impl DeviceLayout {
     }
 
     /// Returns the number of bytes of the device's segment: its image file or its RAM on the heap. It is a multiple of
-    /// 8, because the access checker compares structures up to their end in words of 64 bits.
+    /// 8, because the access checker compares structures up to their end in words of 64 bits. The image of a device without
+    /// areas has the header page only.
     #[must_use]
     pub const fn segment_size(&self) -> usize {
-        (self.end() as usize).next_multiple_of(8)
+        let end = self.end() as usize;
+        if end < HEADER_PAGE { HEADER_PAGE } else { end.next_multiple_of(8) }
     }
 
     /// Returns the area that contains `address`.

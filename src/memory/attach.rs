@@ -62,7 +62,8 @@ impl Image {
         };
         let header = file.own_header()?;
         file.check_shape(&header)?;
-        if let Some(expected) = expected_layout_hash.filter(|&hash| hash != header.layout_hash.load()) {
+        let maps = [header.layout_hash.load(), header.base_layout_hash.load()];
+        if let Some(expected) = expected_layout_hash.filter(|hash| !maps.contains(hash)) {
             return Err(MemoryError::OtherLayout {
                 path: file.path,
                 device: super::header::name(&header.device),

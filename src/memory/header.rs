@@ -114,8 +114,9 @@ pub struct Header {
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
-    /// Reserved; always zero.
-    pub reserved_776: [Cell32; 2],
+    /// Hash of the device's register map without its option cards; equal to [`Header::layout_hash`] if it has none. All
+    /// registers of this map exist.
+    pub base_layout_hash: Cell64,
     /// Request to set the initial value of a retain flag. A cold start gives the flag this value.
     pub initial_flag: InitialFlag,
     /// Request to load a project: the number of a [`Project`] plus 1. The firmware sets the request back to 0.
@@ -158,7 +159,7 @@ publish! { Header:
     128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
     640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => program_cycles,
-    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => reserved_776,
+    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => base_layout_hash,
     784 => initial_flag, 808 => project_request,
     812 => project, 816 => reserved_816, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
     1280 => lockstep, 1792 => areas, 2560 => ports, 3520 => front, 3776 => reserved_3776,
@@ -221,6 +222,7 @@ impl Header {
     /// Writes the name and the tables of the device.
     pub(super) fn describe(&self, device: &'static DeviceLayout) {
         self.layout_hash.store(device.layout_hash);
+        self.base_layout_hash.store(device.layout_hash);
         set_name(&self.device, device.title);
         self.areas.iter().for_each(AreaEntry::clear);
         let (retain, bytes) =

@@ -113,8 +113,9 @@ impl InstanceLock {
         }
     }
 
-    /// Publishes the folders of the plant's devices, so that clients can read the names of their registers. Paths are text
-    /// without line ends. Call it before the images exist: clients read the list when they attach.
+    /// Publishes the folders of the plant's devices, and a line for each controller with option cards, so that clients can
+    /// read the names of their registers. Paths are absolute, and text without line ends. Call it before the images exist:
+    /// clients read the list when they attach.
     ///
     /// # Errors
     /// The operating system refuses the operation.
@@ -122,8 +123,11 @@ impl InstanceLock {
     pub(crate) fn publish_device_folders<'p>(
         &self,
         folders: impl IntoIterator<Item = &'p Path>,
+        controllers: impl IntoIterator<Item = String>,
     ) -> Result<(), MemoryError> {
-        let lines: Vec<_> = folders.into_iter().map(|path| format!("{}\n", path.display())).collect();
+        let folders = folders.into_iter().map(|path| format!("{}\n", path.display()));
+        let controllers = controllers.into_iter().map(|line| format!("{line}\n"));
+        let lines: Vec<_> = folders.chain(controllers).collect();
         // An emulator that was killed may have left its list.
         self.directory.remove(FOLDERS);
         if lines.is_empty() {
@@ -140,13 +144,25 @@ impl InstanceLock {
     /// Returns the folders of a running instance's devices; empty if it has none.
     #[cfg(feature = "emulator")]
     pub(crate) fn device_folders(instance: &str) -> Vec<std::path::PathBuf> {
+        Self::published(instance, |line| line.starts_with('/')).into_iter().map(Into::into).collect()
+    }
+
+    /// Returns the lines of a running instance's controllers with option cards.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn controllers(instance: &str) -> Vec<String> {
+        Self::published(instance, |line| !line.starts_with('/'))
+    }
+
+    #[cfg(feature = "emulator")]
+    fn published(instance: &str, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
         let read = || {
             let directory = PrivateDir::open(&names::channel_root(instance).ok()?).ok()??;
             let mut text = String::new();
             let mut file = directory.find_file(FOLDERS).ok()??.take(LONGEST_FOLDERS);
             file.read_to_string(&mut text).ok().map(|_| text)
         };
-        read().unwrap_or_default().lines().map(Into::into).collect()
+        let text = read().unwrap_or_default();
+        text.lines().filter(|line| is_wanted(line)).map(str::to_owned).collect()
     }
 
     /// Removes everything in the instance's directory except the lock, also entries that no emulator has created.

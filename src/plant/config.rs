@@ -1,5 +1,6 @@
 //! The plant file: PLCs, buses and drives.
 
+mod cards;
 mod checks;
 mod doubts;
 mod error;
@@ -79,8 +80,8 @@ impl PlantConfig {
 
     /// Parses a plant like [`PlantConfig::parse`]. Relative paths of device folders begin at `base`.
     pub(crate) fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
-        let (config, faults) = file::read(base, file, text)?;
-        config.check().map_err(|error| {
+        let (mut config, faults) = file::read(base, file, text)?;
+        config.place_cards().and_then(|()| config.check()).map_err(|error| {
             let offset = match &error {
                 PlantError::Fault { number, .. } => faults.get(number - 1).copied(),
                 other => places::offset_of(other, text),

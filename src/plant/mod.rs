@@ -36,7 +36,7 @@ pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
 use crate::check::DeviceWatch;
-use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World};
+use crate::devices::{BUS_KINDS, BuildError, Bus, CardMemory, Context, Device, Events, World};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -130,9 +130,22 @@ impl Plant {
         buses.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
+        // An option card has its registers in the image of its controller.
+        let mut segments = Vec::with_capacity(config.devices.len());
+        for device in &config.devices {
+            segments.push(segment(device.name(), device.layout())?);
+        }
         for (index, device) in DeviceIndex::enumerate(&config.devices) {
-            let (mut device, plugs) =
-                device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
+            let segment = segments[index.index()].clone();
+            let memory = config.card_place(&**device).map(|(controller, interface)| {
+                let segment = segments[controller.index()].clone();
+                CardMemory { controller, segment, interface }
+            });
+            let built = match memory {
+                Some(memory) => device.build_card(index, segment, memory),
+                None => device.build(index, segment),
+            };
+            let (mut device, plugs) = built.map_err(refused::<E>)?;
             ports.plug_in(&mut *device, plugs, &mut buses, &named).map_err(refused::<E>)?;
             devices.push(device);
         }

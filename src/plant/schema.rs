@@ -98,6 +98,10 @@ fn card() -> Value {
         "properties": {
             "plc": plc,
             "slot": number("Number of the slot"),
+            "interface": {
+                "enum": [1, 2, 3],
+                "description": "Option interface with the registers of the card: 1 in slot 1; 2 (if left out) or 3 in slot 2",
+            },
             "trigger": number("Trigger that is connected to the card, 1 if left out"),
         },
     })

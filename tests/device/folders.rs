@@ -806,21 +806,21 @@ fn trigger() { this.count += 1; output(\"card.w_COUNT\", this.count); }
 ",
     );
     let mut bench = with_option_card(&card);
-    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([0; 3], 0));
-    bench.poke("card:card.w_DATA", 1).unwrap();
+    assert_eq!((pulses(&mut bench), bench.peek("line:card2.w_COUNT").unwrap()), ([0; 3], 0));
+    bench.poke("line:card2.w_DATA", 1).unwrap();
     bench.step("1ms").unwrap();
-    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([1; 3], 1));
+    assert_eq!((pulses(&mut bench), bench.peek("line:card2.w_COUNT").unwrap()), ([1; 3], 1));
     // The pulse of a power-on comes at once, so a snapshot after it needs no pulse.
     bench.power_cycle("card").unwrap();
-    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([2; 3], 1));
+    assert_eq!((pulses(&mut bench), bench.peek("line:card2.w_COUNT").unwrap()), ([2; 3], 1));
     // A PLC without supply gets no pulses. After its next power-on its triggers have no sources.
     bench.set_board("line:power=off").unwrap();
-    bench.poke("card:card.w_DATA", 2).unwrap();
+    bench.poke("line:card2.w_DATA", 2).unwrap();
     bench.step("1ms").unwrap();
     bench.set_board("line:power=on").unwrap();
-    bench.poke("card:card.w_DATA", 3).unwrap();
+    bench.poke("line:card2.w_DATA", 3).unwrap();
     bench.step("1ms").unwrap();
-    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([2; 3], 1));
+    assert_eq!((pulses(&mut bench), bench.peek("line:card2.w_COUNT").unwrap()), ([2; 3], 1));
     assert_eq!(bench.peek("card:front.script").unwrap(), 0);
 }
 
@@ -834,7 +834,7 @@ fn trigger() { sync_pulse(); }
 ",
     );
     let mut bench = with_option_card(&card);
-    bench.poke("card:card.w_DATA", 1).unwrap();
+    bench.poke("line:card2.w_DATA", 1).unwrap();
     bench.step("1ms").unwrap();
     assert_eq!(bench.peek("card:front.script").unwrap(), 1);
     let now = bench.now().unwrap();
@@ -842,6 +842,115 @@ fn trigger() { sync_pulse(); }
     assert_eq!(bench.now().unwrap(), now + 1_000_000);
     let lines = journal(&mut bench);
     assert!(lines.iter().any(|line| line.contains(" stopped: ") && line.contains("steps")), "{lines:#?}");
+}
+
+/// Two equal cards: in slot 1, and at option interface 3 of slot 2.
+fn with_two_cards(card: &Card) -> Bench {
+    let section = |name: &str, place: &str| {
+        let dir = card.dir().display();
+        format!("[[device]]\nname = '{name}'\nkind = '{dir}'\noption = {{ plc = 'line', {place} }}\n")
+    };
+    let cards = section("one", "slot = 1") + &section("two", "slot = 2, interface = 3");
+    Bench::plant(&format!("[[plc]]\nname = 'line'\n{cards}")).unwrap()
+}
+
+#[test]
+fn the_registers_of_an_option_card_are_in_the_memory_of_its_plc() {
+    let card = Card::new(
+        "fn power_on() { write(\"card.w_COUNT\", 1); }
+fn written(register, old, value) {
+    if register == \"card.w_COMMAND\" { exchange(register, 5, 4); write(\"card.i_VALUE\", read(\"card.w_DATA\")); }
+    if value == 7 { violation(register, \"seven\"); }
+}
+",
+    );
+    let mut bench = with_two_cards(&card);
+    bench.poke("line:card1.w_DATA", 11).unwrap();
+    bench.poke("line:%MW3.3000002", 33).unwrap();
+    bench.poke("line:card1.w_COMMAND", 5).unwrap();
+    bench.poke("line:card3.w_COMMAND", 5).unwrap();
+    let past = bench.save().unwrap();
+    bench.step("1ms").unwrap();
+    let all = |bench: &mut Bench| {
+        let names = ["card1.w_COMMAND", "card3.w_COMMAND", "%MW3.1000004", "%MW3.3000004", "card1.w_COUNT"];
+        names.map(|name| bench.peek(&format!("line:{name}")).unwrap())
+    };
+    assert_eq!(all(&mut bench), [4, 4, 11, 33, 1]);
+    let lines = journal(&mut bench);
+    for (source, register) in [("option1", "w_COMMAND"), ("option3", "w_COMMAND"), ("option3", "i_VALUE")] {
+        let is_it = |line: &&String| line.contains(&format!("line:{source}")) && line.contains(register);
+        assert!(lines.iter().any(|line| is_it(&line)), "{source} {register}: {lines:#?}");
+    }
+    // A snapshot of the plant has these registers.
+    bench.back_to(past).unwrap();
+    assert_eq!(all(&mut bench), [5, 5, 0, 0, 1]);
+    bench.step("1ms").unwrap();
+    assert_eq!(all(&mut bench), [4, 4, 11, 33, 1]);
+    // The checker knows the owners and the rules of the card; the rest of an interface is plain RAM.
+    bench.poke("line:card1.w_COUNT", 2).unwrap();
+    bench.poke("line:card3.w_DATA", 7).unwrap();
+    bench.poke("line:%MW3.1000100", 9).unwrap();
+    bench.poke("line:%MW3.2000000", 9).unwrap();
+    bench.step("1ms").unwrap();
+    let findings = bench.findings().unwrap();
+    let found: Vec<_> =
+        findings.iter().map(|it| format!("{} {}", it.last.rule.id(), bench.finding_place(it))).collect();
+    assert_eq!(found, ["owner line:card1.w_COUNT", "own-rule line:card3.w_DATA"]);
+    // The registers belong to the supply of the card, and not to that of the PLC.
+    bench.power_cycle("line").unwrap();
+    assert_eq!(all(&mut bench), [4, 4, 11, 33, 2]);
+    bench.power_cycle("one").unwrap();
+    assert_eq!(all(&mut bench), [0, 4, 0, 33, 1]);
+    assert_eq!(bench.peek("one:front.script").unwrap(), 0);
+    assert!(bench.peek("one:card.w_DATA").is_err());
+}
+
+#[test]
+fn a_program_for_the_plc_alone_finds_its_map_beside_that_of_the_cards() {
+    let card = Card::new("fn trigger() { }");
+    let mut bench = with_two_cards(&card);
+    let alone = commram::devices::default().layout;
+    let ram = bench.ram("line").unwrap();
+    let header = ram.header();
+    assert_eq!(header.base_layout_hash.load(), alone.layout_hash);
+    assert_ne!(header.layout_hash.load(), alone.layout_hash);
+    let composed = commram::devices::of_hash(header.layout_hash.load()).unwrap().layout;
+    assert_eq!(composed.segment_size(), alone.segment_size());
+    for area in alone.areas.iter().filter(|area| !area.structures.is_empty()) {
+        assert_eq!(composed.area(area.name).unwrap().first, area.first);
+    }
+    // The same cards in the same slots give the same map.
+    let mut again = with_two_cards(&card);
+    assert_eq!(again.ram("line").unwrap().header().layout_hash.load(), header.layout_hash.load());
+}
+
+#[test]
+fn a_card_that_does_not_fit_into_its_interface_is_refused() {
+    let refused = |from: &str, to: &str, option: &str| {
+        let card = Card::new("fn trigger() { }");
+        let device = fs::read_to_string(card.dir().join("device.toml")).unwrap();
+        assert!(device.contains(from), "{from}");
+        card.write("device.toml", &device.replace(from, to));
+        let plant = format!(
+            "[[plc]]\nname = 'line'\n[[device]]\nname = 'card'\nkind = '{}'\noption = {{ plc = 'line', {option} }}\n",
+            card.dir().display()
+        );
+        PlantConfig::parse("p.toml", &plant).unwrap_err().to_string()
+    };
+    let contains = |message: String, part: &str| {
+        assert!(message.starts_with("p.toml: line 6: 'card': ") && message.contains(part), "{message}");
+    };
+    let name = |name: &str| format!("area = [{{ name = '{name}'");
+    let long = refused("area = [{ name = 'card'", &name("a_long_area_150"), "slot = 1");
+    contains(long, "is called `a_long_area_1501`");
+    let taken = refused("area = [{ name = 'card'", &name("node"), "slot = 1");
+    contains(taken, "is called `node1` at option interface 1");
+    let words = refused("unit = 'byte', first = 0", "unit = 'word', first = 0", "slot = 1");
+    contains(words, "unit = \"byte\"");
+    let far = refused("name = 'card', first = 0, page", "name = 'card', first = 262144, page", "slot = 2");
+    contains(far, "has 262176 bytes, and option interface 2 has 262144");
+    let interface = refused("title", "title", "slot = 1, interface = 3");
+    contains(interface, "slot 1 of 'line' has no option interface 3; use 1");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::port::{Arrival, Unsendable};
 #[cfg(feature = "script")]
 use crate::can::{ErrorState, Filter, Frame};
 use crate::devices::{CardPulses, Context, Events};
-use crate::journal::Register;
+use crate::journal::{Origin, Register};
 #[cfg(feature = "script")]
 use crate::layout::place::{is_live, status_of};
 #[cfg(feature = "script")]
@@ -71,9 +71,42 @@ struct Watched {
 #[cfg(feature = "script")]
 pub(super) type Written = (RegisterRef, u32, u32);
 
+/// The memory with the registers of a device: its image, or a part of the image of its controller.
+#[derive(Clone)]
+pub(super) struct Memory {
+    segment: Segment,
+    /// Number that is added to an offset of the layout; the sum wraps.
+    shift: u32,
+    /// The option interface of a card, and the layout of the card.
+    controller: Option<(Origin, &'static DeviceLayout)>,
+}
+
+impl Memory {
+    pub(super) fn own(segment: Segment) -> Self {
+        Memory { segment, shift: 0, controller: None }
+    }
+
+    pub(super) fn of_controller(
+        segment: Segment,
+        shift: u32,
+        controller: Origin,
+        layout: &'static DeviceLayout,
+    ) -> Self {
+        Memory { segment, shift, controller: Some((controller, layout)) }
+    }
+
+    fn at(&self, offset: u32) -> u32 {
+        offset.wrapping_add(self.shift)
+    }
+
+    fn load(&self, place: Place) -> Option<u32> {
+        self.segment.load(self.at(place.offset), place.width).ok()
+    }
+}
+
 /// Registers and events of the device.
 pub(super) struct Card {
-    segment: Segment,
+    memory: Memory,
     face: Arc<FirmwareHeader>,
     /// Registers for which changes by programs are reported, by offset. Empty if the script has no hook for
     /// changes.
@@ -93,16 +126,11 @@ pub(super) struct Card {
 }
 
 impl Card {
-    pub(super) fn new(
-        segment: Segment,
-        face: FirmwareHeader,
-        has_events: bool,
-        link: Option<BusLink>,
-    ) -> Self {
+    pub(super) fn new(memory: Memory, face: FirmwareHeader, has_events: bool, link: Option<BusLink>) -> Self {
         let face = Arc::new(face);
         let (events, pulses) = (Events::default(), CardPulses::default());
         let watched = Vec::new();
-        Card { segment, face, watched, events, has_events, requests: 0, pulses, link, faults: 0 }
+        Card { memory, face, watched, events, has_events, requests: 0, pulses, link, faults: 0 }
     }
 
     /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes them back
@@ -110,7 +138,7 @@ impl Card {
     #[cfg(feature = "script")]
     pub(super) fn lend(&mut self) -> Card {
         Card {
-            segment: self.segment.clone(),
+            memory: self.memory.clone(),
             face: Arc::clone(&self.face),
             watched: mem::take(&mut self.watched),
             link: self.link.clone(),
@@ -132,7 +160,7 @@ impl Card {
     pub(super) fn load(&self, place: Place) -> u32 {
         match place.front {
             Some(cell) => self.front_cell(cell).map_or(0, Cell32::load),
-            None => self.segment.load(place.offset, place.width).unwrap_or(0),
+            None => self.memory.load(place).unwrap_or(0),
         }
     }
 
@@ -142,7 +170,9 @@ impl Card {
         let is_done = match place.front {
             Some(cell) => self.front_cell(cell).is_some_and(|cell| cell.compare_exchange(from, to).is_ok()),
             None => {
-                matches!(self.segment.compare_exchange(place.offset, place.width, from, to), Ok(Ok(_)))
+                let Memory { segment, .. } = &self.memory;
+                let offset = self.memory.at(place.offset);
+                matches!(segment.compare_exchange(offset, place.width, from, to), Ok(Ok(_)))
             }
         };
         if is_done {
@@ -160,7 +190,10 @@ impl Card {
                 cell.store(f(before));
                 before
             }),
-            None => self.segment.update(place.offset, place.width, f).unwrap_or(0),
+            None => {
+                let Memory { segment, .. } = &self.memory;
+                segment.update(self.memory.at(place.offset), place.width, f).unwrap_or(0)
+            }
         };
         self.note(place, f(before));
         (before, f(before))
@@ -171,7 +204,7 @@ impl Card {
     #[cfg(feature = "script")]
     pub(super) fn copy(&mut self, from: u32, to: u32, bytes: u32) {
         let mut copy = vec![0; bytes as usize];
-        if self.segment.read_range(from, &mut copy).is_err() {
+        if self.memory.segment.read_range(self.memory.at(from), &mut copy).is_err() {
             return;
         }
         let (mut at, mut rest) = (to, copy.as_slice());
@@ -187,21 +220,39 @@ impl Card {
             };
             let (part, others) = rest.split_at(width.bytes() as usize);
             let value = part.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
-            let _ = self.segment.store(at, width, value);
+            let _ = self.memory.segment.store(self.memory.at(at), width, value);
             (at, rest) = (at + width.bytes(), others);
         }
-        let Card { segment, watched, .. } = self;
+        let Card { memory, watched, .. } = self;
         let first = watched.partition_point(|watched| watched.place.offset < to);
         let written = watched.iter_mut().skip(first).take_while(|watched| watched.place.offset < to + bytes);
-        written.for_each(|it| it.last = segment.load(it.place.offset, it.place.width).unwrap_or(it.last));
+        written.for_each(|it| it.last = memory.load(it.place).unwrap_or(it.last));
     }
 
     /// Does the same as [`Card::update`], and records a change in the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
         let (from, to) = self.update(place, f);
         if from != to {
-            let origin = ctx.origin;
-            ctx.report(Register { origin, offset: place.offset, from, to });
+            let (origin, offset) = self.located(place, ctx.origin);
+            ctx.report(Register { origin, offset, from, to });
+        }
+    }
+
+    /// Returns the device that has a register in its image, and the offset there. `own` is the origin of this device.
+    pub(super) fn located(&self, place: Place, own: Origin) -> (Origin, u32) {
+        match self.memory.controller {
+            Some((controller, _)) if place.front.is_none() => (controller, self.memory.at(place.offset)),
+            _ => (own, place.offset),
+        }
+    }
+
+    /// Gives the registers in the memory of a controller their values after power-on.
+    fn reset_registers(&self) {
+        let Some((_, layout)) = self.memory.controller else { return };
+        let fitted = DeviceFit::unknown(layout);
+        for register in layout.areas.iter().flat_map(|area| fitted.used_registers(area)) {
+            let (offset, width) = (self.memory.at(register.offset()), register.address().width());
+            let _ = self.memory.segment.store(offset, width, register.reset());
         }
     }
 
@@ -239,11 +290,11 @@ impl Card {
         let known = mem::take(&mut self.watched);
         self.watch(layout, names);
         for watched in &mut self.watched {
-            let Place { offset, width, .. } = watched.place;
+            let Place { offset, .. } = watched.place;
             let before = known.get(known.partition_point(|it| it.place.offset < offset));
             watched.last = match before.filter(|it| it.place.offset == offset) {
                 Some(before) => before.last,
-                None => self.segment.load(offset, width).unwrap_or(0),
+                None => self.memory.load(watched.place).unwrap_or(0),
             };
         }
     }
@@ -260,7 +311,7 @@ impl Card {
     pub(super) fn changes(&mut self) -> Vec<Written> {
         let mut changes = Vec::new();
         for watched in &mut self.watched {
-            let now = self.segment.load(watched.place.offset, watched.place.width).unwrap_or(watched.last);
+            let now = self.memory.load(watched.place).unwrap_or(watched.last);
             if now != watched.last {
                 changes.push((watched.register, mem::replace(&mut watched.last, now), now));
             }
@@ -288,6 +339,7 @@ impl Card {
 
     /// Handles power-on: no event is enabled.
     pub(super) fn start(&mut self) {
+        self.reset_registers();
         self.events.disable_all();
         self.requests = self.face.requested().board_requests.load();
     }
@@ -382,17 +434,8 @@ impl Card {
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         // The port saves the link.
-        let Self {
-            segment: _,
-            face: _,
-            watched,
-            events,
-            has_events: _,
-            requests,
-            pulses: _,
-            link: _,
-            faults,
-        } = self;
+        let Self { memory: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _, faults } =
+            self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
         to.value(faults);

@@ -1,18 +1,19 @@
 //! A device of a folder as the plant file describes it.
 
 use super::Folder;
-use super::card::Card;
+use super::card::{Card, Memory};
 use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
+use super::in_slot;
 use super::own_faults::OwnFaults;
 use super::part::Part;
 use super::port::{BusLink, FolderPort};
 use super::source::Source;
 use crate::devices::can_bus::CanSocket;
 use crate::devices::settings::range;
-use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::devices::{BuildError, CardMemory, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::fault::FaultKind;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::Origin;
 use crate::layout::{DeviceLayout, Port};
 use crate::memory::Segment;
@@ -28,6 +29,8 @@ pub(crate) struct FolderConfig {
     name: String,
     pub(super) folder: &'static Folder,
     pub(super) dir: PathBuf,
+    /// Layout of the image: all registers, or the front panel of a card in a slot.
+    layout: &'static DeviceLayout,
     card: Option<CardSection>,
     /// Name of the bus at the port.
     bus: Option<String>,
@@ -50,6 +53,7 @@ struct Section {
 struct CardSection {
     plc: String,
     slot: u8,
+    interface: Option<u8>,
     #[serde(default = "default_trigger")]
     trigger: u8,
 }
@@ -67,7 +71,8 @@ impl FolderConfig {
         section: ValueDeserializer<'_>,
     ) -> Result<Arc<dyn DeviceConfig>, Error> {
         let Section { name, option: card, bus } = Section::deserialize(section)?;
-        Ok(Arc::new(FolderConfig { name, folder, dir, card, bus }))
+        let layout = folder.registered.layout;
+        Ok(Arc::new(FolderConfig { name, folder, dir, layout, card, bus }))
     }
 }
 
@@ -83,11 +88,14 @@ impl FolderConfig {
 /// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not change it.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, folder, dir: _, card, bus } = self;
+        let Self { name, folder, dir: _, layout: _, card, bus } = self;
         let mut settings = f.debug_struct(folder.registered.layout.name);
         settings.field("name", name).field("files", &folder.fingerprint);
-        if let Some(CardSection { plc, slot, trigger }) = card {
+        if let Some(CardSection { plc, slot, interface, trigger }) = card {
             settings.field("option", &(plc, slot, trigger));
+            if let Some(interface) = interface {
+                settings.field("interface", interface);
+            }
         }
         if let Some(bus) = bus {
             settings.field("bus", bus);
@@ -102,7 +110,7 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn layout(&self) -> &'static DeviceLayout {
-        self.folder.registered.layout
+        self.layout
     }
 
     fn fault_kinds(&self) -> &'static [&'static FaultKind] {
@@ -134,8 +142,8 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn card_place(&self) -> Option<CardPlace<'_>> {
-        let CardSection { plc, slot, trigger } = self.card.as_ref()?;
-        Some(CardPlace { controller: plc, slot: *slot, trigger: *trigger })
+        let CardSection { plc, slot, interface, trigger } = self.card.as_ref()?;
+        Some(CardPlace { controller: plc, slot: *slot, interface: *interface, trigger: *trigger })
     }
 
     fn folder(&self) -> Option<&Path> {
@@ -146,20 +154,52 @@ impl DeviceConfig for FolderConfig {
         self.layout().retain.map_or(0, |retain| retain.default_bytes)
     }
 
+    fn with_layout(&self, layout: &'static DeviceLayout) -> Option<Arc<dyn DeviceConfig>> {
+        Some(Arc::new(FolderConfig { layout, ..self.clone() }))
+    }
+
     fn build(
         &self,
         index: DeviceIndex,
         segment: Segment,
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let memory = Memory::own(segment.clone());
+        self.build_on(index, segment, memory)
+    }
+
+    fn build_card(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+        memory: CardMemory,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let layout = self.folder.registered.layout;
+        let CardMemory { controller, segment: registers, interface } = memory;
+        let shift = in_slot::shift(layout, interface.first);
+        let origin = Origin { plc: controller, node: PortNumber::of_option_interface(interface.number) };
+        let memory = Memory::of_controller(registers, shift, origin, layout);
+        self.build_on(index, segment, memory)
+    }
+}
+
+impl FolderConfig {
+    /// Builds the device with its front panel in `segment` and its registers in `memory`.
+    fn build_on(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+        memory: Memory,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let layout = self.folder.registered.layout;
         let script = self.folder.script.as_ref();
         let link = self.port().map(|_| BusLink::default());
-        let mut card = Card::new(segment.clone(), segment.firmware_header()?, script.is_some(), link.clone());
+        let mut card = Card::new(memory, segment.firmware_header()?, script.is_some(), link.clone());
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
         if let Some(script) = script {
             if script.watches() {
-                card.watch(self.layout(), script.written());
+                card.watch(layout, script.written());
             }
-            parts.push(script.firmware(self.layout()));
+            parts.push(script.firmware(layout));
         }
         parts.push(Box::new(Handshakes::new(&self.folder.rows)));
         let plugs = self.port().zip(link).map(|(port, link)| {

@@ -13,6 +13,7 @@ mod error;
 mod files;
 mod firmware;
 mod handshakes;
+pub(crate) mod in_slot;
 mod own_faults;
 mod own_records;
 mod part;
@@ -43,6 +44,7 @@ pub(crate) use own_faults::{OwnFault, OwnField};
 pub use own_records::OwnRecord;
 
 use handshakes::Tables;
+use in_slot::InSlots;
 use own_faults::Declarations;
 #[cfg(not(feature = "cli"))]
 use own_faults::OwnFault;
@@ -126,6 +128,8 @@ struct Loaded {
     registers: Vec<&'static Registered>,
     /// Kinds of faults that folders declare.
     faults: Declarations,
+    /// Layouts of cards in slots, and of their controllers.
+    in_slots: InSlots,
     /// Maximum number of folders, and of tables.
     most: usize,
 }
@@ -170,6 +174,7 @@ static LOADED: Mutex<Loaded> = Mutex::new(Loaded {
     folders: Vec::new(),
     registers: Vec::new(),
     faults: Declarations::new(),
+    in_slots: InSlots::new(),
     most: MOST_FOLDERS,
 });
 
@@ -315,7 +320,8 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = loaded();
     let folders = loaded.folders.iter().rev().map(|folder| &folder.registered);
-    let mut registered = folders.chain(loaded.registers.iter().rev().copied());
+    let registers = loaded.registers.iter().rev().copied();
+    let mut registered = folders.chain(registers).chain(loaded.in_slots.registered());
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
@@ -357,6 +363,9 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
 pub(super) fn load_of_instance(instance: &str) {
     for dir in InstanceLock::device_folders(instance) {
         let _ = load_registers(&dir);
+    }
+    for line in InstanceLock::controllers(instance) {
+        let _ = in_slot::read_line(&line);
     }
 }
 

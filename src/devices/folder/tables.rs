@@ -79,7 +79,7 @@ static NO_REGISTERS: Area = Area {
     structures: &[],
 };
 
-fn leaked<T>(items: Vec<T>) -> &'static [T] {
+pub(super) fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
 

@@ -4,10 +4,10 @@ use super::Plc;
 use super::plc::{MASTER, SERIAL, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, MonitorSettings};
 use crate::devices::omega_drive_line_2::registers::{
-    BAUD_RATES, DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
+    BAUD_RATES, DEVICE, ETHERNET_CONFIG, OPTION1, OPTION2, OPTION3, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
 };
 use crate::devices::settings::{range, time, time_or_none};
-use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
+use crate::devices::{BuildError, DeviceConfig, OptionInterface, Plug, PortConfig, SettingError};
 use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Area, DeviceLayout};
 use crate::memory::Segment;
@@ -15,6 +15,13 @@ use crate::memory::header::Project;
 use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
+
+/// Option interfaces; interface 3 is for communication cards in slot 2 (p. 60).
+pub(super) const OPTION_INTERFACES: &[OptionInterface] = &[
+    OptionInterface { number: 1, slot: 1, first: OPTION1 },
+    OptionInterface { number: 2, slot: 2, first: OPTION2 },
+    OptionInterface { number: 3, slot: 2, first: OPTION3 },
+];
 
 /// A PLC of the plant file.
 #[derive(Clone, Debug, Deserialize)]
@@ -168,12 +175,72 @@ impl DeviceConfig for PlcConfig {
         DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG)
     }
 
+    fn with_layout(&self, layout: &'static DeviceLayout) -> Option<Arc<dyn DeviceConfig>> {
+        Some(Arc::new(PlcWithCards { plc: self.clone(), layout }))
+    }
+
     fn build(
         &self,
         index: DeviceIndex,
         segment: Segment,
     ) -> Result<(Box<dyn crate::devices::Device>, Vec<Plug>), BuildError> {
-        let (plc, ports) = Plc::new(index, self, segment)?;
+        let (plc, ports) = Plc::new(index, self, &DEVICE, segment)?;
+        Ok((Box::new(plc), ports))
+    }
+}
+
+/// A PLC whose memory also has the registers of its option cards. The settings are those of the PLC.
+#[derive(Clone, Debug)]
+struct PlcWithCards {
+    plc: PlcConfig,
+    layout: &'static DeviceLayout,
+}
+
+impl DeviceConfig for PlcWithCards {
+    fn name(&self) -> &str {
+        self.plc.name()
+    }
+
+    fn layout(&self) -> &'static DeviceLayout {
+        self.layout
+    }
+
+    fn check(&self) -> Result<(), BuildError> {
+        self.plc.check()
+    }
+
+    fn ports(&self) -> Vec<PortConfig<'_>> {
+        self.plc.ports()
+    }
+
+    fn kbit_s(&self, port: PortNumber) -> Vec<u16> {
+        self.plc.kbit_s(port)
+    }
+
+    fn retain_bytes(&self) -> u32 {
+        self.plc.retain_bytes()
+    }
+
+    fn card_slots(&self) -> u8 {
+        self.plc.card_slots()
+    }
+
+    fn novram(&self) -> Option<&'static Area> {
+        self.plc.novram()
+    }
+
+    fn with_layout(&self, layout: &'static DeviceLayout) -> Option<Arc<dyn DeviceConfig>> {
+        self.plc.with_layout(layout)
+    }
+
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn crate::devices::Device>, Vec<Plug>), BuildError> {
+        // Programs that were built for the PLC without cards find all their registers.
+        segment.header()?.base_layout_hash.store(DEVICE.layout_hash);
+        let (plc, ports) = Plc::new(index, &self.plc, self.layout, segment)?;
         Ok((Box::new(plc), ports))
     }
 }

@@ -58,6 +58,7 @@ pub(super) static REGISTERED: Registered = Registered {
         faults: faults::KINDS,
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,
+        option_interfaces: config::OPTION_INTERFACES,
         ..crate::devices::Emulation::of(PlcConfig::read)
     },
     ..Registered::new(&registers::DEVICE)

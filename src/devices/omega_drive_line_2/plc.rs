@@ -43,6 +43,8 @@ fn location(port: &layout::Port) -> NodeLocation {
 pub struct Plc {
     index: DeviceIndex,
     name: String,
+    /// With the registers of option cards.
+    layout: &'static layout::DeviceLayout,
     segment: Segment,
     face: FirmwareHeader,
     baps: Baps,
@@ -52,13 +54,14 @@ pub struct Plc {
     slave_is_on_bus: bool,
 }
 
-snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
+snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, layout, segment, face });
 
 impl Plc {
     /// Creates device number `index` of the plant, and its ports. The ports are not connected yet.
     pub(crate) fn new(
         index: DeviceIndex,
         config: &PlcConfig,
+        layout: &'static layout::DeviceLayout,
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
@@ -89,6 +92,7 @@ impl Plc {
         let device = Plc {
             index,
             name: config.name.clone(),
+            layout,
             face,
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us, config.project.into())?,
@@ -149,7 +153,7 @@ impl DeviceView for Plc {
     }
 
     fn layout(&self) -> &'static layout::DeviceLayout {
-        &DEVICE
+        self.layout
     }
 
     fn header(&self) -> &Header {

@@ -8,7 +8,7 @@ use crate::journal::{EventKind, Rule};
 
 /// Firmware of a device, with its journal records, rules and faults. Use [`Emulation::of`] as the base of a struct
 /// update to set other properties: `Emulation { rules: ALL, ..Emulation::of(read) }`.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Emulation {
     /// Reads the section of the device in a plant file; `None` if the device has only registers.
     pub read: Option<Read<dyn DeviceConfig>>,
@@ -31,6 +31,19 @@ pub struct Emulation {
     pub demo: Option<&'static Demo>,
     /// Exercises for `commram soak`.
     pub exercises: &'static [&'static Exercise],
+    /// Interfaces for the registers of option cards; empty if cards have their registers in their own images.
+    pub option_interfaces: &'static [OptionInterface],
+}
+
+/// A part of the memory of a controller that contains the registers of an option card.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OptionInterface {
+    /// Number of the interface.
+    pub number: u8,
+    /// Slot of the card, from 1. The first interface of a slot is the default.
+    pub slot: u8,
+    /// First byte of the area in the image.
+    pub first: u32,
 }
 
 impl Emulation {
@@ -52,5 +65,6 @@ impl Emulation {
         module: None,
         demo: None,
         exercises: &[],
+        option_interfaces: &[],
     };
 }

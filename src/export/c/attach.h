@@ -122,6 +122,7 @@ static inline commram_result commram_check(const commram *ram)
 static inline commram_result commram_check_file(int file)
 {
     struct { uint64_t magic; uint32_t abi_version, header_size; uint64_t layout_hash; uint32_t segment_size, generation; } head;
+    uint64_t base;
     struct stat info;
     if (fstat(file, &info) || !S_ISREG(info.st_mode))
         return COMMRAM_NO_IMAGE;
@@ -138,7 +139,10 @@ static inline commram_result commram_check_file(int file)
                  (unsigned)head.abi_version, (unsigned)COMMRAM_ABI_VERSION);
         return COMMRAM_WRONG_ABI;
     }
-    if (head.layout_hash != COMMRAM_LAYOUT_HASH) {
+    /* A controller with option cards also has all registers of the map without them. */
+    if (head.layout_hash != COMMRAM_LAYOUT_HASH
+        && (lseek(file, offsetof(commram_header, base_layout_hash), SEEK_SET) < 0
+            || read(file, &base, sizeof base) != (ssize_t)sizeof base || base != COMMRAM_LAYOUT_HASH)) {
         snprintf(commram_versions, sizeof commram_versions,
                  "the image has register map 16#%016llX, this program was built for 16#%016llX: build it with the header that `commram export c` writes for that device",
                  (unsigned long long)head.layout_hash, (unsigned long long)COMMRAM_LAYOUT_HASH);

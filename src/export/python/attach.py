@@ -255,7 +255,10 @@ class Ram:
                 f"{self.path}: the image has ABI version {abi}, this module knows {ABI_VERSION}; "
                 "write it with `commram export python` of that emulator's version"
             )
-        if layout != LAYOUT_HASH:
+        # A controller with option cards also has all registers of the map without them.
+        offset, _ = _header_field("base_layout_hash")
+        base = os.pread(self._file, 8, offset)
+        if layout != LAYOUT_HASH and base != struct.pack("<Q", LAYOUT_HASH):
             raise NotAttached(
                 f"{self.path}: the image has another register map, 16#{layout:016X}, this module knows "
                 f"16#{LAYOUT_HASH:016X}; write it with `commram export python` for that device"

@@ -196,14 +196,8 @@ fn fire(row: &Row, step: &mut Step, card: &mut Card, ctx: &mut Context) {
             }
             if card.exchange(*at, from.into(), to.into()) {
                 let more_answers_follow = !is_second && then.is_some();
-                let origin = ctx.origin;
-                ctx.report(Handshake {
-                    origin,
-                    offset: at.offset,
-                    request: from,
-                    answer: to,
-                    more_answers_follow,
-                });
+                let (origin, offset) = card.located(*at, ctx.origin);
+                ctx.report(Handshake { origin, offset, request: from, answer: to, more_answers_follow });
                 if let Some((_, after_us)) = then.filter(|_| more_answers_follow) {
                     let due = Some(ctx.now.saturating_add(after_us));
                     *step = Step { due, phase: Phase::Second, ..Step::default() };

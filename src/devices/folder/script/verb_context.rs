@@ -85,7 +85,7 @@ impl Acting {
     pub(super) fn write(&mut self, found: Found, is_recorded: bool, f: impl Fn(u32) -> u32) {
         let (from, to) = self.card.update(found.place, f);
         if is_recorded && from != to {
-            let (origin, offset) = (self.origin, found.place.offset);
+            let (origin, offset) = self.card.located(found.place, self.origin);
             self.reports.push(Report::Changed(Register { origin, offset, from, to }));
         }
     }
@@ -95,7 +95,7 @@ impl Acting {
         if !self.card.exchange(found.place, request, answer) {
             return false;
         }
-        let (origin, offset) = (self.origin, found.place.offset);
+        let (origin, offset) = self.card.located(found.place, self.origin);
         self.reports.push(match (u16::try_from(request), u16::try_from(answer)) {
             (Ok(request), Ok(answer)) => {
                 Report::Answered(Handshake { origin, offset, request, answer, more_answers_follow: false })
@@ -115,7 +115,8 @@ impl Acting {
 
     /// Reports that a program has broken a rule of the device.
     pub(super) fn violation(&mut self, found: Found, text: String) {
-        let (plc, offset, live) = (self.origin.plc, found.place.offset, found.register.placed.live);
+        let (Origin { plc, .. }, offset) = self.card.located(found.place, self.origin);
+        let live = found.register.placed.live;
         let value = self.card.load(found.place);
         let rule = &rules::OWN_RULE;
         let finding = Finding { rule, plc, offset, live, value, late_us: 0 };
