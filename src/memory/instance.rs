@@ -154,7 +154,7 @@ impl InstanceLock {
     }
 
     #[cfg(feature = "emulator")]
-    fn published(instance: &str, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
+    fn published(instance: &str, is_wanted: impl Fn(&&str) -> bool) -> Vec<String> {
         let read = || {
             let directory = PrivateDir::open(&names::channel_root(instance).ok()?).ok()??;
             let mut text = String::new();
@@ -162,7 +162,7 @@ impl InstanceLock {
             file.read_to_string(&mut text).ok().map(|_| text)
         };
         let text = read().unwrap_or_default();
-        text.lines().filter(|line| is_wanted(line)).map(str::to_owned).collect()
+        text.lines().filter(is_wanted).map(str::to_owned).collect()
     }
 
     /// Removes everything in the instance's directory except the lock, also entries that no emulator has created.
