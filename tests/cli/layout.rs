@@ -368,7 +368,7 @@ fn a_vendors_declarations_move_registers_and_the_program_no_longer_fits() {
         })
     );
     assert_eq!(row_of("w_RESERVE")["verdict"], "new");
-    assert_eq!(rows.iter().filter(|row| row["verdict"] == "undeclared").count(), 5);
+    assert_eq!(rows.iter().filter(|row| row["verdict"] == "undeclared").count(), 6);
     let text = fs::read_to_string(checkout.layout().join("ETHERNET_DIAGNOSE_BMSTRUCT.toml")).unwrap();
     assert!(text.starts_with("# The manual names the structure and its address"), "{text}");
     for line in ["size = 20", "offsets = \"manual: BM_TYPES, TYPES.st\"", "  { offset = 18, padding = 2 },"] {

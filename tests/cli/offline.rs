@@ -155,7 +155,10 @@ fn bash_completes_subcommands_and_existing_values() {
     for (words, expected) in [
         (&["commram", "tr"][..], &["trace"][..]),
         (&["commram", "fault", "c"], &["clear"]),
-        (&["commram", "fault", "add", "lose"], &["lose_frame", "lose_sync", "lose_telegram"]),
+        (
+            &["commram", "fault", "add", "lose"],
+            &["lose_frame", "lose_sync", "lose_telegram", "lose_character"],
+        ),
         (&["commram", "board", "s"], &["set"]),
         (&["commram", "layout", "im"], &["import"]),
         (&["commram", "layout", "import", "--align", "na"], &["natural"]),
