@@ -73,11 +73,10 @@ fn full_control_group(root: &Path, groups: &str) -> Option<(PathBuf, u64)> {
             _ => root.join(controllers.split(',').find(|controller| *controller == "pids")?),
         };
         let own = root.join(path.trim_start_matches('/'));
-        let full = own.ancestors().take_while(|group| group.starts_with(&root)).find_map(|group| {
+        own.ancestors().take_while(|group| group.starts_with(&root)).find_map(|group| {
             let (most, present) = (number(group.join("pids.max"))?, number(group.join("pids.current"))?);
             (most.saturating_sub(present) <= NEAR).then(|| (group.to_owned(), most))
-        });
-        full
+        })
     })
 }
 
