@@ -12,3 +12,4 @@ mod configurations;
 mod cs0015;
 mod function_blocks;
 mod omega;
+mod serial;

@@ -3,6 +3,7 @@
 
 mod pins;
 mod program;
+mod serial;
 
 use crate::common::{Emulator, eventually, run, skipped};
 use crate::matiec::{Plc, compile_program, exported};
