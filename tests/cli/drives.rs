@@ -80,7 +80,7 @@ fn status_shows_the_current_state_of_the_plant() {
     let text = emulator.run("status", &[]);
     for part in [
         "at 0.002000 s, clock stepped",
-        "line:node2  drives  16#0002  waiting",
+        "line:node2   drives  16#0002  waiting",
         "0 errors, 0 warnings; 0 faults",
     ] {
         assert!(text.ok().contains(part), "{part}\n{}", text.out);
