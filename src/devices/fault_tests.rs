@@ -24,7 +24,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// For each kind, a description with all its fields, and the text of this fault in a list.
-const EACH_KIND: [(&str, &str); 33] = [
+const EACH_KIND: [(&str, &str); 38] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",

@@ -129,7 +129,7 @@ fn in_a_conflict_the_low_priority_gives_way() {
         assert_eq!(octets(&run(plc, 0)), [STX]);
         plc.received(CHARACTER, Character::Byte(STX));
     }
-    assert_eq!(octets(&run(&mut high, 1_000)), []);
+    assert_eq!(octets(&run(&mut high, 1_000)), [0_u8; 0]);
     assert_eq!(octets(&run(&mut low, 1_000)), [DLE]);
     pass(&mut low, 2_000, &frame(&[9], true));
     // The block of the low priority follows after the acknowledgement.
