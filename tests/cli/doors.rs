@@ -3,10 +3,11 @@
 mod turns;
 
 use crate::common::{Emulator, eventually, finish, python};
+use rustix::net;
 use serde_json::Value;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
+use std::net::{Ipv4Addr, SocketAddrV4, TcpStream};
 use std::path::Path;
 use std::time::Duration;
 
@@ -70,16 +71,30 @@ struct Guest<S>(S);
 
 impl Guest<TcpStream> {
     fn come(port: u16) -> Self {
-        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        Self::on(TcpStream::connect(("127.0.0.1", port)).unwrap())
+    }
+
+    fn on(stream: TcpStream) -> Self {
         stream.set_read_timeout(Some(WATCHDOG)).unwrap();
         Guest(stream)
     }
 
     /// Returns a guest that takes part in the bus traffic.
     fn open(port: u16) -> Self {
-        let mut guest = Self::come(port);
-        assert_eq!(guest.ask("O"), "\r");
-        guest
+        Self::come(port).opened()
+    }
+
+    fn opened(mut self) -> Self {
+        assert_eq!(self.ask("O"), "\r");
+        self
+    }
+
+    /// Like [`open`](Self::open), but few unread bytes fill the connection.
+    fn open_with_small_buffer(port: u16) -> Self {
+        let socket = net::socket(net::AddressFamily::INET, net::SocketType::STREAM, None).unwrap();
+        net::sockopt::set_socket_recv_buffer_size(&socket, 4096).unwrap();
+        net::connect(&socket, &SocketAddrV4::new(Ipv4Addr::LOCALHOST, port)).unwrap();
+        Self::on(socket.into()).opened()
     }
 }
 
@@ -241,7 +256,7 @@ fn guests_receive_frames_of_a_cansync_bus_and_their_frames_are_reported() {
 #[test]
 fn a_guest_that_does_not_read_delays_no_other_and_its_losses_are_counted() {
     let emulator = start(DRIVES, &["--clock", "stepped"]);
-    let mut slow = Guest::open(port(&emulator));
+    let mut slow = Guest::open_with_small_buffer(port(&emulator));
     emulator.set_up(&[]);
     emulator.run("wait", &["node2.a_STAT_SL[3]==1", "--within", "100ms"]).ok();
     let dropped = || buses(&emulator)[0]["guests"][0]["dropped"].as_u64().unwrap();
@@ -250,7 +265,7 @@ fn a_guest_that_does_not_read_delays_no_other_and_its_losses_are_counted() {
     assert!(frames() > 0);
     assert!(
         eventually(|| {
-            emulator.step(&["2s"]);
+            emulator.step(&["200ms"]);
             dropped() > 0
         }),
         "nothing was dropped"
