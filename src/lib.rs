@@ -96,6 +96,8 @@ pub mod memory;
 #[cfg(feature = "cli")]
 mod output_file;
 #[cfg(feature = "emulator")]
+mod plain_text;
+#[cfg(feature = "emulator")]
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;

@@ -5,6 +5,7 @@ mod bounded;
 use super::{error::CliError, style};
 use crate::input_file;
 use crate::output_file;
+use crate::plain_text::is_interpreted;
 pub(crate) use bounded::give_up_after;
 use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
@@ -99,16 +100,6 @@ fn escaped(text: &str, kept: &[char], spelling: impl Fn(char) -> String) -> Stri
         }
     }
     out
-}
-
-/// True for characters that a terminal interprets: control characters, and characters that change the direction of the
-/// text (Unicode Standard Annex 9, table 4).
-pub(crate) fn is_interpreted(sign: char) -> bool {
-    let is_direction = matches!(
-        sign,
-        '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'
-    );
-    sign.is_control() || is_direction
 }
 
 /// Longest word of a message, in characters.

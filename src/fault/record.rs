@@ -5,6 +5,7 @@ use crate::journal::{
     Catalogue, EventCodec, EventKind, EventText, Fields, Keeping, Origin, Packer, Part, Reader, Ring, Source,
     Unpacker, Words,
 };
+use crate::plain_text::without_interpreted;
 
 /// All kinds of these records.
 pub static KINDS: &[&EventKind] = &[FaultNews::KIND];
@@ -119,13 +120,10 @@ impl EventCodec for FaultNews {
 
 impl FaultNews {
     /// Returns the name of the kind. A record of a kind that a folder declares contains the name. Journals may come from
-    /// unknown authors, so control characters are replaced.
+    /// unknown authors, so interpreted characters are replaced.
     fn name(&self, reader: &Reader) -> String {
         match reader.octets() {
-            Some(name) if is_declared(self.kind) => {
-                let name = String::from_utf8_lossy(&name);
-                name.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
-            }
+            Some(name) if is_declared(self.kind) => without_interpreted(&String::from_utf8_lossy(&name)),
             _ => reader.fault(self.kind).to_owned(),
         }
     }

@@ -3,6 +3,7 @@
 use super::archive::LIBRARY;
 use super::unit::Unit;
 use super::variables::{Causality, Variable, VariableType};
+use crate::plain_text::is_interpreted;
 use crate::xml_text;
 use core::fmt::Write;
 
@@ -89,7 +90,7 @@ fn escaped(text: &str) -> String {
             '&' => escaped.push_str("&amp;"),
             '<' => escaped.push_str("&lt;"),
             '"' => escaped.push_str("&quot;"),
-            control if control.is_control() => escaped.push(' '),
+            sign if is_interpreted(sign) => escaped.push(' '),
             other if xml_text::is_allowed(other) => escaped.push(other),
             _ => escaped.push(char::REPLACEMENT_CHARACTER),
         }

@@ -11,11 +11,12 @@ use crate::event_kinds;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
+use crate::plain_text::without_interpreted;
 
 /// Returns the text of a note as the journal keeps it.
 pub(super) fn note(text: &str) -> String {
     let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
-    text.replace(|letter: char| letter.is_control(), " ")
+    without_interpreted(text)
 }
 
 /// Base of participants' numbers in findings on a bus. A participant's number is added to this base, so that the sum

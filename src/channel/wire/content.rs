@@ -9,6 +9,7 @@ use crate::door::DoorSpec;
 use crate::fault::FaultStatus;
 use crate::journal::{Change, Entry, HistoryId, LONGEST_NOTE, Record};
 use crate::memory::header::BoardState;
+use crate::plain_text::is_interpreted;
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Waited};
 use serde::Serialize;
@@ -216,7 +217,7 @@ impl Content for Vec<Entry> {
 
 /// True if a server can have sent this note of a finding.
 fn is_note(text: &str) -> bool {
-    text.len() <= LONGEST_NOTE && !text.contains(char::is_control)
+    text.len() <= LONGEST_NOTE && !text.contains(is_interpreted)
 }
 
 /// Decodes a `T` from its bytes at the beginning of the data, and removes them.

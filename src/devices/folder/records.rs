@@ -7,6 +7,7 @@ use crate::devices::can_bus;
 use crate::event_kinds;
 use crate::identity::DeviceIndex;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
+use crate::plain_text::without_interpreted;
 use twox_hash::XxHash3_64;
 
 /// All kinds of records of devices in folders.
@@ -122,10 +123,10 @@ fn shortened(text: &str) -> (&str, u64) {
     (text, XxHash3_64::oneshot(text.as_bytes()))
 }
 
-/// Returns the text of the record. Journals may come from unknown authors, so control characters are replaced.
+/// Returns the text of the record. Journals may come from unknown authors, so interpreted characters are replaced.
 fn text(reader: &Reader) -> String {
     let octets = reader.octets().unwrap_or_default();
-    String::from_utf8_lossy(&octets).chars().map(|it| if it.is_control() { ' ' } else { it }).collect()
+    without_interpreted(&String::from_utf8_lossy(&octets))
 }
 
 impl EventText for Note {

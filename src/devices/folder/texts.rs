@@ -4,6 +4,7 @@
 //! not end the comment or string that contains it, in any of these languages (D-821).
 
 use super::FolderError;
+use crate::plain_text::is_interpreted;
 use std::path::Path;
 use toml::Value;
 
@@ -37,12 +38,9 @@ fn refused_in(value: &Value) -> Option<(String, String)> {
 }
 
 fn refused(text: &str) -> Option<(String, String)> {
-    let is_direction = |sign: char| matches!(sign, '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
     let what = match REFUSED.iter().find(|part| text.contains(**part)) {
         Some(part) => format!("a text contains `{part}`"),
-        None if text.contains(|sign: char| sign.is_control() || is_direction(sign)) => {
-            "a text contains a control character".to_owned()
-        }
+        None if text.contains(is_interpreted) => "a text contains a control character".to_owned(),
         None => return None,
     };
     let why = format!(

@@ -2,6 +2,7 @@
 
 use super::budget::{Exceeded, LONGEST_TIME, MOST_OPERATIONS};
 use crate::layout::DeviceLayout;
+use crate::plain_text::without_interpreted;
 use crate::plc_spelling::Dialect;
 use core::fmt;
 use rhai::{EvalAltResult, ParseError};
@@ -112,5 +113,5 @@ fn shortened(mut text: String) -> String {
         text.truncate(text.floor_char_boundary(LONGEST - 3));
         text.push_str("...");
     }
-    text.replace(|letter: char| letter.is_control(), " ")
+    without_interpreted(&text)
 }
