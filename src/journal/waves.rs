@@ -6,10 +6,13 @@
 
 use super::reader::RegisterLocation;
 use super::window::Window;
-use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
+use super::{
+    Catalogue, Changed, ChannelWrite, Force, Names, Reader, Record, Ring, Selection, Source, Unforce,
+};
 use crate::can::{Frame, Id};
 use crate::identity::DeviceIndex;
 use crate::layout::Width;
+use crate::plain_text::is_interpreted;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Number of bits of the longest data of a frame.
@@ -144,9 +147,11 @@ impl Waves {
                 recorded: changed.map(|change| (change.plc, change.offset)).collect(),
             },
             overlaid: HashMap::new(),
+            forces: Vec::new(),
         };
         for record in records {
             taking.reader.observe(record);
+            taking.observe_force(record);
             if wanted.takes(record) {
                 taking.take(record);
             }
@@ -238,6 +243,8 @@ struct WaveCollector {
     waves: Waves,
     /// The registers at each address with a value. An address has several registers if structures overlay each other.
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
+    /// The registers that are forced.
+    forces: Vec<Force>,
 }
 
 /// A register with a signal.
@@ -262,15 +269,19 @@ impl WaveCollector {
             self.register(record, &scopes, (plc, offset), &place, how.width, to);
         } else if let Some(ChannelWrite { plc, offset, width, value }) = event.get() {
             if !self.waves.is_recorded(plc, offset) {
-                let place = self.reader.accessed(plc, offset, width);
-                let width = place.width();
-                self.register(record, &scopes, (plc, offset), &place, width, value);
+                self.written(record, &scopes, (plc, offset, width), value);
             }
+        } else if let Some(Force { plc, offset, width, value }) = event.get() {
+            if !self.waves.is_recorded(plc, offset) {
+                self.written(record, &scopes, (plc, offset, width), value);
+            }
+            self.text(record, &scopes);
         } else if let Some(stored) = event.stored() {
             if !self.waves.is_recorded(stored.plc, stored.offset) {
                 let place = self.reader.whole(stored.plc, stored.offset);
                 let width = place.width();
-                self.register(record, &scopes[..1], (stored.plc, stored.offset), &place, width, stored.now);
+                let value = self.kept((stored.plc, stored.offset, width), stored.now);
+                self.register(record, &scopes[..1], (stored.plc, stored.offset), &place, width, value);
             }
         } else if let Some(carried) = event.frame() {
             let id = match carried.frame.arbitration().id() {
@@ -288,9 +299,52 @@ impl WaveCollector {
         } else if event.kind().ring() == Ring::Registers {
             self.note(record, &scopes, event.kind().name(), SignalSubject::Edge, Content::Event);
         } else {
-            let text = event.text(&mut self.reader);
-            self.note(record, &scopes, event.kind().name(), SignalSubject::Other, Content::Text(text));
+            self.text(record, &scopes);
         }
+    }
+
+    /// Adds the text of the record under the name of its kind.
+    fn text(&mut self, record: &Record, scopes: &[String]) {
+        let text = record.event.text(&mut self.reader);
+        self.note(record, scopes, record.event.kind().name(), SignalSubject::Other, Content::Text(text));
+    }
+
+    /// Notes which registers are forced, also from records that are not selected.
+    fn observe_force(&mut self, record: &Record) {
+        if let Some(Unforce { plc, offset }) = record.event.get() {
+            self.forces.retain(|force| (force.plc, force.offset) != (plc, offset));
+        } else if let Some(force @ Force { plc, offset, .. }) = record.event.get() {
+            self.forces.retain(|force| (force.plc, force.offset) != (plc, offset));
+            self.forces.push(force);
+        }
+    }
+
+    /// Returns the value that a register has after a store of `value`: each forced byte keeps its forced value.
+    fn kept(&self, (plc, offset, width): (DeviceIndex, u32, Width), value: u32) -> u32 {
+        let forced = |at: u32| {
+            let is_inside =
+                |it: &&Force| it.plc == plc && (it.offset..it.offset + u32::from(it.width)).contains(&at);
+            self.forces.iter().find(is_inside).map(|it| it.value.to_le_bytes()[(at - it.offset) as usize])
+        };
+        let mut bytes = value.to_le_bytes();
+        for (byte, at) in bytes.iter_mut().zip(offset..offset + width.bytes()) {
+            *byte = forced(at).unwrap_or(*byte);
+        }
+        u32::from_le_bytes(bytes)
+    }
+
+    /// Adds the value of a register without recorded changes after a write of `width` bytes by a client.
+    fn written(
+        &mut self,
+        record: &Record,
+        scopes: &[String],
+        (plc, offset, width): (DeviceIndex, u32, u8),
+        value: u32,
+    ) {
+        let place = self.reader.accessed(plc, offset, width);
+        let width = place.width();
+        let value = self.kept((plc, offset, width), value);
+        self.register(record, scopes, (plc, offset), &place, width, value);
     }
 
     /// Bus, or PLC and port.
@@ -362,7 +416,7 @@ impl WaveCollector {
 /// Returns names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
 fn word(text: &str) -> String {
     let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
-    let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");
+    let allowed = allowed.replace(|c: char| is_interpreted(c) && !c.is_whitespace(), "_");
     allowed.split_whitespace().collect::<Vec<_>>().join("_")
 }
 

@@ -1,6 +1,7 @@
 use super::super::testing::{Edge, Packet, catalogue};
 use super::*;
 use crate::identity::{BusIndex, DeviceIndex};
+use crate::journal::coded::EventCodec;
 use crate::journal::{By, ChangeDetails, Event};
 use crate::layout::RegisterPhase;
 
@@ -64,6 +65,28 @@ fn of_a_register_that_is_recorded_only_the_changes_count() {
         Past { values: vec![(8, 3)], is_recorded: false }
     );
     assert_eq!(waves.register(DeviceIndex(1), 1, Width::Byte), Past::default());
+}
+
+#[test]
+fn a_forced_register_keeps_its_value_until_a_write_after_the_end_of_the_force() {
+    let plc = DeviceIndex(0);
+    let write = |value| ChannelWrite { plc, offset: 4, width: 2, value };
+    let force = |offset, width, value| Force { plc, offset, width, value };
+    let records = [
+        record(0, 5, force(4, 2, 0x55)),
+        record(1, 6, write(0x1234)),
+        record(2, 7, Unforce { plc, offset: 4 }),
+        record(3, 8, write(0x0102)),
+        record(4, 9, force(5, 1, 0x77)),
+        record(5, 10, write(0x1234)),
+    ];
+    let past = |waves: Waves| waves.register(plc, 4, Width::Word).values;
+    assert_eq!(past(waves(&records)), [(5, 0x55), (8, 0x0102), (10, 0x7734)]);
+    // Without its record a force still holds off the writes.
+    let selection = Selection { kinds: vec![ChannelWrite::KIND], ..Selection::default() };
+    let names = Names { plcs: vec!["line".into()], ..Names::default() };
+    let selected = Waves::of(&records, &selection, names, catalogue());
+    assert_eq!(past(selected), [(6, 0x55), (8, 0x0102), (10, 0x7734)]);
 }
 
 #[test]
