@@ -19,6 +19,7 @@ pub(super) use stretch::Store;
 
 use super::{Code, Host, Refused};
 use crate::plant::{Plant, Snapshot};
+use crate::time;
 use std::collections::{BTreeMap, VecDeque};
 use stretch::Stretch;
 
@@ -121,7 +122,7 @@ impl Travel {
 
     /// Takes a snapshot of the start, if the plant is still at its start.
     fn note_start(&mut self, plant: &Plant) {
-        if self.start.is_none() && self.most > 0 {
+        if self.start.is_none() && self.most > 0 && !self.came_from_elsewhere {
             let start = plant.snapshot();
             self.size += start.size();
             self.start = Some(start);
@@ -203,6 +204,15 @@ impl Travel {
             (_, false) => "no time has passed since the start",
         };
         format!("nothing is kept to go back to: {why}")
+    }
+
+    /// Reason why the plant cannot go back to its start.
+    fn no_start(&self) -> String {
+        let why = "the start is not kept, because another state was restored or a changed script was read since then";
+        match self.earliest().map(time::seconds) {
+            None => why.to_owned(),
+            Some(earliest) => format!("{why}; the earliest moment is {earliest}"),
+        }
     }
 
     /// Returns the stretch that contains this moment, if it is kept.

@@ -36,6 +36,9 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
     if travel.most == 0 {
         return Err(Refused::new(Code::NOT_SO_FAR, travel.nothing()));
     }
+    if travel.came_from_elsewhere {
+        return Err(Refused::new(Code::NOT_SO_FAR, travel.no_start()));
+    }
     // Without a snapshot of the start, the plant is still at its start.
     let Some(start) = travel.start.clone() else { return Ok(()) };
     go_to(host, &start, true)?;
@@ -66,14 +69,16 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
-    // The start of the next stretch, and whether `look` returns a result at that moment.
+    // The start of the next stretch, and whether `look` returns a result at that moment. After the loop, this is the
+    // earliest moment of the history.
     let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, next_stretch, &look);
         go_on(host, &here)?;
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
-        let is_first = place == 0 && first.1;
-        if let Some(target) = found.or(is_first.then_some(first.0)) {
+        // A condition that is true at power-on became true there. At another earliest moment it may have been true before.
+        let is_power_on = place == 0 && first == (0, true);
+        if let Some(target) = found.or(is_power_on.then_some(0)) {
             arrive(host, target, &here, detached)?;
             go_on(host, &here)?;
             if let Some(found) = look(host)? {
@@ -96,8 +101,8 @@ fn find_back<T>(
         || host.plant_and_travel().1.nothing(),
         |earliest| {
             let earliest = time::seconds(earliest);
-            let text =
-                format!("the conditions did not become true since {earliest}, the earliest moment of the history");
+            let since = if next_stretch.1 { "have been true since before" } else { "did not become true since" };
+            let text = format!("the conditions {since} {earliest}, the earliest moment of the history");
             match unrepeatable.map(|times| times.map(time::seconds)) {
                 None => text,
                 Some([from, end]) => format!(

@@ -86,7 +86,7 @@ fn going_back_until_a_condition_became_true() {
     assert_eq!(held(&mut host), Reply::Value(2));
     let replies = host.request(&until(1));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 2_000, value: 1 })));
-    // The condition has been true since before the start of the history.
+    // The condition was true at power-on.
     let replies = host.request(&until(0));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 0, value: 1 })));
 }
@@ -273,6 +273,21 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     assert_eq!(other.request(&[Op::Restore { detached: false }]), [Reply::Time(9_000)]);
     assert!(other.plant.snapshot() == saved);
     assert_eq!(other.refusal(back(1)).0, Code::NOT_SO_FAR, "its way begins here");
+    let no_start =
+        "the start is not kept, because another state was restored or a changed script was read since then";
+    let start = Op::BackToStart { detached: false };
+    assert_eq!(other.refusal(start), (Code::NOT_SO_FAR, no_start.to_owned()));
+    // The register has been 2 since 5 ms.
+    let replies = other.request(&[&[Op::Advance { us: 700 }][..], &until(2)].concat());
+    let Some(Reply::Error(Refused { code: Code::NOT_SO_FAR, text, .. })) = replies.last() else {
+        panic!("{replies:?}")
+    };
+    assert_eq!(
+        text,
+        "the conditions have been true since before 0.009000 s, the earliest moment of the history"
+    );
+    assert_eq!(other.refusal(start).1, format!("{no_start}; the earliest moment is 0.009000 s"));
+    assert_eq!(other.request(&[back(700)]), [Reply::Time(9_000)]);
     assert_eq!(other.refusal(Op::Restore { detached: false }).0, Code::SNAPSHOT, "nothing was brought");
     assert_eq!(other.refusal(Op::BringSaved { at: 16, part: FilePart::default() }).0, Code::SNAPSHOT);
     host.request(&[Op::Forget { number }]);
