@@ -4,12 +4,13 @@
 use super::program::Starts;
 use super::supply::Supply;
 use super::{
-    Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction,
+    AddressWrites, Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction,
     NovramContents, OptionCard, Power, World, faults_of_device,
 };
 use crate::fault::{Effect, FaultKind, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
 use crate::layout;
+use crate::layout::place::is_live;
 use crate::layout::{Area, DeviceFit};
 use crate::memory::header::{BoardSetting, Start};
 use crate::memory::{FirmwareHeader, Header, MemoryError, Segment};
@@ -123,6 +124,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
+    /// Returns the same value as [`Device::address_writes`] of the device.
+    fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        None
+    }
+
     /// Same as [`Device::ports`].
     fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
         None
@@ -191,8 +197,12 @@ impl<F: Firmware> Plain<F> {
         let fitted = DeviceFit::unknown(self.layout);
         let kept = self.firmware.kept().map(|area| area.name);
         let areas = self.layout.areas.iter().filter(|area| kept != Some(area.name));
-        let mut registers = areas.flat_map(|area| fitted.used_registers(area));
-        registers.try_for_each(|register| {
+        let registers = |is_valid: bool| {
+            let registers = areas.clone().flat_map(|area| fitted.used_registers(area));
+            registers.filter(move |register| is_live(register, register.area.first_phase()) == is_valid)
+        };
+        // Structures may overlay each other: the registers that are valid at power-on are written last.
+        registers(false).chain(registers(true)).try_for_each(|register| {
             self.segment.store(register.offset(), register.address().width(), register.reset())
         })
     }
@@ -321,6 +331,10 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         self.firmware.option_card()
+    }
+
+    fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        self.firmware.address_writes()
     }
 
     fn ports(&mut self) -> Option<&mut dyn DevicePorts> {

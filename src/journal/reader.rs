@@ -5,7 +5,7 @@ use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -76,10 +76,9 @@ impl Reader {
 
     fn live(&self, plc: DeviceIndex, area: &Area) -> RegisterPhase {
         let mut ports = self.names.device(plc).ports.iter();
-        let Some(port) = ports.find(|port| port.area.first == area.first) else {
-            return RegisterPhase::ALWAYS;
-        };
-        match self.live.get(&Origin { plc, node: port.number }) {
+        let port = ports.find(|port| port.area.bytes > 0 && port.area.first == area.first);
+        let node = port.map_or(PortNumber::DEVICE, |port| port.number);
+        match self.live.get(&Origin { plc, node }) {
             Some(live) => *live,
             None if self.knows_phases == Some(true) => area.first_phase(),
             None => area.phase(None),

@@ -12,8 +12,10 @@ pub use file::{SnapshotFile, SnapshotFileError};
 
 use super::{Plant, PlantConfig};
 use crate::devices::{self, Device};
-use crate::journal::Rings;
-use crate::layout::DeviceLayout as Layout;
+use crate::identity::DeviceIndex;
+use crate::journal::{Origin, PortPhase, Rings};
+use crate::layout::place::status_of;
+use crate::layout::{Area, DeviceLayout as Layout};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::borrow::Borrow;
 use core::ops::Range;
@@ -250,7 +252,7 @@ impl Plant {
             let _ = self.read(&mut Saved::new(before.bytes()), true);
         }
         let watches = self.buses.iter_mut().filter_map(|bus| bus.watch());
-        let phases = watches.flat_map(|watch| watch.phases());
+        let phases = watches.flat_map(|watch| watch.phases()).chain(phases_of_devices(&self.devices));
         self.journal.continue_phases(goes_back || taken.is_err(), phases);
         self.arrive();
         taken.map_err(SnapshotError::from)
@@ -380,6 +382,20 @@ impl Plant {
         self.watches.restore(from)?;
         from.check(self.next_event() >= self.now, "time of the next event")
     }
+}
+
+/// Returns the phases of areas that belong to no port.
+fn phases_of_devices(devices: &[Box<dyn Device>]) -> impl Iterator<Item = PortPhase> {
+    let of_device = |(index, device): (usize, &Box<dyn Device>)| {
+        let layout: &'static Layout = device.layout();
+        let is_free = |area: &&Area| layout.ports.iter().all(|port| port.area.first != area.first);
+        let (area, status) =
+            layout.areas.iter().filter(is_free).find_map(|area| Some((area, status_of(area)?)))?;
+        let value = device.segment().load(status.offset(), status.address().width()).ok()?;
+        let port = Origin::of_device(DeviceIndex::at(index));
+        Some(PortPhase { port, live: area.phase(Some(value)) })
+    };
+    devices.iter().enumerate().filter_map(of_device)
 }
 
 /// Returns the ranges of the image that contain registers, in ascending order.

@@ -32,6 +32,8 @@ pub use exec::Execution;
 pub use host::Host;
 #[cfg(feature = "cli")]
 pub(crate) use op::Class;
+#[cfg(feature = "script")]
+pub(crate) use op::ranges;
 pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, MAX_SPEED, Op};
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};

@@ -19,6 +19,14 @@ use serde::{Deserialize, Serialize};
 pub const MAX_OPS: usize = 256;
 /// Longest [`Op::ReadRange`] in bytes.
 pub const MAX_RANGE: u32 = 65_536;
+
+/// Divides the `len` bytes from `offset` on into ranges that one operation can name. Each range consists of its first
+/// byte and its length.
+pub(crate) fn ranges(offset: u32, len: u32) -> impl Iterator<Item = (u32, u32)> {
+    let starts = (0..len).step_by(MAX_RANGE as usize);
+    starts.map(move |start| (offset + start, MAX_RANGE.min(len - start)))
+}
+
 /// Maximum number of records in the answer to an [`Op::Journal`], and of changes in the answer to an [`Op::Changes`].
 pub const MAX_RECORDS: u32 = 1024;
 /// Maximum number of [`Op::Condition`]s for an [`Op::WaitFor`]. The answer has one bit for each condition.

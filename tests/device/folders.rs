@@ -667,6 +667,33 @@ fn many(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q) {}",
 
 /// Each file alone takes less than the permitted time.
 #[test]
+fn the_hook_for_writes_has_a_limited_number_of_registers() {
+    let size = |script: &str| {
+        let card = Card::new(script);
+        let structure = STRUCTURE.replace("size = 32", "size = 200024");
+        let structure = structure.replace("array = [8], owner = 'plc'", "array = [100000], owner = 'plc'");
+        card.write(
+            "CARD.toml",
+            &structure.replace("offset = 24", "offset = 200008").replace("array = [4]", "array = [8]"),
+        );
+        card
+    };
+    let refused = size("fn written(register, old, value) {}").refused();
+    assert!(refused.contains("firmware.rhai:1: the hook written has more than 65536 registers"), "{refused}");
+    let card =
+        size("const WRITTEN = [\"card.w_DATA\"];\nfn written(register, old, value) { journal(register); }");
+    let mut bench = card.bench();
+    // Large areas are copied and recorded in parts.
+    let before = bench.snapshot("card").unwrap();
+    bench.poke("card.a_IN[99999]", 7).unwrap();
+    let changes = bench.changes(&before).unwrap();
+    assert_eq!(changes.iter().map(|it| it.register.as_str()).collect::<Vec<_>>(), ["card.a_IN[99999]"]);
+    // The journal records the changes of at most 65,536 registers.
+    let error = bench.record("card").unwrap_err().to_string();
+    assert!(!error.contains("`len`"), "{error}");
+}
+
+#[test]
 fn the_files_of_a_script_share_its_time() {
     let card = Card::new("fn poll() {}");
     let slow = "let a = []; for i in 0..2000 { a.push((i * 7919) % 2003); }\nfor j in 0..300 { let b = a; b.sort(); }\n";

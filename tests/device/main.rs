@@ -14,6 +14,7 @@ mod clusters;
 mod determinism;
 mod faults;
 #[cfg(feature = "script")]
+mod folder_phases;
 mod folder_ports;
 mod folders;
 mod forces;

@@ -10,7 +10,7 @@ use crate::memory::names::channel_root;
 use crate::memory::{InstanceLock, State};
 use crate::plural::plural;
 use crate::request::InstanceInfo;
-use crate::request::{MAX_OPS, Op, Reply, WrongReply, read_journal};
+use crate::request::{MAX_OPS, MAX_RANGE, Op, Reply, WrongReply, read_journal};
 use crate::time;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -18,6 +18,8 @@ use std::time::Duration;
 
 /// Maximum number of registers that a request can read, in addition to the time and the forces.
 const MAX_READS: usize = MAX_OPS - 2;
+/// Maximum number of bytes that a request reads. The replies of a request are limited, too.
+const MAX_BYTES: u32 = 4 * MAX_RANGE;
 
 impl Session {
     /// Opens a running instance. `waits_us` is the longest emulated time that the next request can take.
@@ -193,18 +195,20 @@ impl Session {
     /// Reads the registers in as many requests as necessary. Prints a note if the clock has advanced between the
     /// requests.
     pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
-        let (first, rest) = reads.split_at(reads.len().min(MAX_READS));
+        let (first, mut rest) = reads.split_at(fitting(reads));
         let mut snapshot = self.read_in_one_request(first)?;
         let mut until_us = snapshot.time_us;
-        for part in rest.chunks(MAX_READS) {
+        while !rest.is_empty() {
+            let (part, others) = rest.split_at(fitting(rest));
             let next = self.read_in_one_request(part)?;
             snapshot.data.extend(next.data);
             until_us = next.time_us;
+            rest = others;
         }
         if until_us != snapshot.time_us {
             let (from, until) = (time::seconds(snapshot.time_us), time::seconds(until_us));
             output::note(&format!(
-                "more than {MAX_READS} registers need several requests: they were read from {from} to {until}"
+                "more than {MAX_READS} registers or {MAX_BYTES} bytes need several requests: they were read from {from} to {until}"
             ));
         }
         Ok(snapshot)
@@ -229,6 +233,19 @@ impl Session {
         }
         Ok(Snapshot { time_us, data, forces })
     }
+}
+
+/// Returns how many of these reads one request can contain, at least one if there is one.
+fn fitting(reads: &[Read]) -> usize {
+    let mut bytes = 0;
+    let fits = |read: &&Read| {
+        bytes += match read {
+            Read::Register { width, .. } => width.bytes(),
+            Read::Block { len, .. } => *len,
+        };
+        bytes <= MAX_BYTES
+    };
+    reads.iter().take(MAX_READS).take_while(fits).count().max(reads.len().min(1))
 }
 
 /// Note that the journal does not contain the records before number `begin`.

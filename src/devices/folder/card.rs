@@ -1,5 +1,6 @@
 //! Access to the registers and events of a device in a folder, for its tables and its script.
 
+use super::phase::KnownPhase;
 use super::port::BusLink;
 #[cfg(feature = "script")]
 use super::port::{Arrival, Unsendable};
@@ -56,6 +57,18 @@ impl Place {
     pub(super) fn mask(self) -> u32 {
         self.width.max_value()
     }
+}
+
+/// Returns the registers that programs write, of these names or of all areas.
+pub(super) fn written_registers(
+    layout: &'static DeviceLayout,
+    names: Option<&[String]>,
+) -> impl Iterator<Item = RegisterRef> {
+    // The script was checked, so each name is right.
+    let named = names.into_iter().flatten().filter_map(|name| layout.registers(name).ok()).flatten();
+    let areas = if names.is_none() { layout.areas } else { &[] };
+    let all = areas.iter().flat_map(move |area| DeviceFit::unknown(layout).used_registers(area));
+    named.chain(all).filter(|it| it.register.owner != Owner::Firmware && !it.is_reserved())
 }
 
 /// A register that programs write, with the last known value.
@@ -123,14 +136,22 @@ pub(super) struct Card {
     link: Option<BusLink>,
     /// Declared kinds of faults. Bit n is set if a fault of kind n acts.
     faults: u16,
+    phase: KnownPhase,
 }
 
 impl Card {
-    pub(super) fn new(memory: Memory, face: FirmwareHeader, has_events: bool, link: Option<BusLink>) -> Self {
+    pub(super) fn new(
+        layout: &'static DeviceLayout,
+        memory: Memory,
+        face: FirmwareHeader,
+        has_events: bool,
+        link: Option<BusLink>,
+    ) -> Self {
         let face = Arc::new(face);
         let (events, pulses) = (Events::default(), CardPulses::default());
         let watched = Vec::new();
-        Card { memory, face, watched, events, has_events, requests: 0, pulses, link, faults: 0 }
+        let phase = KnownPhase::first(layout);
+        Card { memory, face, watched, events, has_events, requests: 0, pulses, link, faults: 0, phase }
     }
 
     /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes them back
@@ -149,6 +170,7 @@ impl Card {
     #[cfg(feature = "script")]
     pub(super) fn give_back(&mut self, lent: Card) {
         (self.watched, self.events, self.pulses) = (lent.watched, lent.events, lent.pulses);
+        self.phase = lent.phase;
     }
 
     fn front_cell(&self, cell: FrontCell) -> Option<&Cell32> {
@@ -231,6 +253,7 @@ impl Card {
 
     /// Does the same as [`Card::update`], and records a change in the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
+        self.report_phase(ctx);
         let (from, to) = self.update(place, f);
         if from != to {
             let (origin, offset) = self.located(place, ctx.origin);
@@ -256,6 +279,25 @@ impl Card {
         }
     }
 
+    /// Writes a record if the phase has changed.
+    pub(super) fn report_phase(&mut self, ctx: &mut Context) {
+        if let Some(place) = self.phase.place() {
+            let now = self.load(place);
+            self.phase.entered(ctx.origin.plc, now).into_iter().for_each(|state| ctx.report(state));
+        }
+    }
+
+    /// True if structures overlay each other.
+    pub(super) fn has_phases(&self) -> bool {
+        self.phase.place().is_some()
+    }
+
+    /// True if the register at this byte of the image shows the phase.
+    pub(super) fn shows_phase(&self, offset: u32) -> bool {
+        let place = self.phase.place();
+        place.is_some_and(|place| (place.offset..place.offset + place.width.bytes()).contains(&offset))
+    }
+
     /// Notes a value that the device itself has written, so that it does not count as a write of a program.
     fn note(&mut self, place: Place, value: u32) {
         let first = self.watched.partition_point(|watched| watched.place.offset < place.offset);
@@ -266,16 +308,8 @@ impl Card {
     /// Begins to compare registers that programs write, to detect changes. These are the registers with these
     /// names, or all registers of the layout.
     pub(super) fn watch(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
-        let fitted = DeviceFit::unknown(layout);
-        let registers: Vec<RegisterRef> = match names {
-            // The script was checked, so each name is valid.
-            Some(names) => names.iter().filter_map(|name| layout.registers(name).ok()).flatten().collect(),
-            None => layout.areas.iter().flat_map(|area| fitted.used_registers(area)).collect(),
-        };
-        let written =
-            registers.into_iter().filter(|it| it.register.owner != Owner::Firmware && !it.is_reserved());
         let watched = |register: RegisterRef| Watched { place: Place::of(&register), register, last: 0 };
-        self.watched = written.map(watched).collect();
+        self.watched = written_registers(layout, names).map(watched).collect();
         self.watched.sort_by_key(|watched| watched.place.offset);
         if names.is_some() {
             // Two names may cover one register.
@@ -434,11 +468,24 @@ impl Card {
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         // The port saves the link.
-        let Self { memory: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _, faults } =
-            self;
+        let Self {
+            memory: _,
+            face: _,
+            watched,
+            events,
+            has_events: _,
+            requests,
+            pulses: _,
+            link: _,
+            faults,
+            phase,
+        } = self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
         to.value(faults);
+        if self.has_phases() {
+            to.value(&phase.last);
+        }
         events.save(to);
     }
 
@@ -448,6 +495,9 @@ impl SnapshotFields for Card {
         self.watched.iter_mut().zip(last).for_each(|(watched, last)| watched.last = last);
         self.requests = from.value()?;
         self.faults = from.value()?;
+        if self.has_phases() {
+            self.phase.last = from.value()?;
+        }
         self.events.restore(from)
     }
 }

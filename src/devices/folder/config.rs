@@ -134,6 +134,10 @@ impl DeviceConfig for FolderConfig {
                 format!("'{}' is no option card: {dir} has no firmware.rhai, which serves pulses", self.name);
             return Err(BuildError::own(&self.name, "option", reason));
         }
+        if phase::overlaid(self.folder.registered.layout).next().is_some() {
+            let reason = format!("'{}' is no option card: its structures overlay each other", self.name);
+            return Err(BuildError::own(&self.name, "option", reason));
+        }
         Ok(())
     }
 
@@ -193,7 +197,8 @@ impl FolderConfig {
         let layout = self.folder.registered.layout;
         let script = self.folder.script.as_ref();
         let link = self.port().map(|_| BusLink::default());
-        let mut card = Card::new(memory, segment.firmware_header()?, script.is_some(), link.clone());
+        let face = segment.firmware_header()?;
+        let mut card = Card::new(layout, memory, face, script.is_some(), link.clone());
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
         if let Some(script) = script {
             if script.watches() {

@@ -6,7 +6,9 @@ use super::part::Part;
 use super::port::BusLink;
 use super::records::Reload;
 use super::source::Source;
-use crate::devices::{CardPulses, Context, DevicePorts, Events, FileChanges, Firmware, OptionCard};
+use crate::devices::{
+    AddressWrites, CardPulses, Context, DevicePorts, Events, FileChanges, Firmware, OptionCard,
+};
 use crate::fault::{FaultKind, Faults, Owner};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
@@ -40,13 +42,15 @@ impl FolderFirmware {
         let changes = self.faults.take_changes();
         if !changes.is_empty() {
             self.card.set_faults(self.faults.mask());
-            changes.iter().for_each(|change| self.each(|part, card| part.fault(ctx, card, change)));
+            changes.iter().for_each(|change| self.each(ctx, |part, ctx, card| part.fault(ctx, card, change)));
         }
     }
 
-    /// Calls each part with the registers.
-    fn each(&mut self, mut f: impl FnMut(&mut dyn Part, &mut Card)) {
-        self.parts.iter_mut().for_each(|part| f(part.as_mut(), &mut self.card));
+    /// Calls each part with the registers. Reports changes of the phase by programs and by the parts.
+    fn each(&mut self, ctx: &mut Context, mut f: impl FnMut(&mut dyn Part, &mut Context, &mut Card)) {
+        self.card.report_phase(ctx);
+        self.parts.iter_mut().for_each(|part| f(part.as_mut(), ctx, &mut self.card));
+        self.card.report_phase(ctx);
     }
 }
 
@@ -56,19 +60,19 @@ impl Firmware for FolderFirmware {
         self.switch_port(true);
         self.faults.restart();
         self.card.set_faults(0);
-        self.each(|part, card| part.start(ctx, card));
+        self.each(ctx, |part, ctx, card| part.start(ctx, card));
         self.report_faults(ctx);
     }
 
     fn stop(&mut self, ctx: &mut Context) {
         self.switch_port(false);
-        self.each(|part, card| part.stop(ctx, card));
+        self.each(ctx, |part, ctx, card| part.stop(ctx, card));
     }
 
     fn look(&mut self, ctx: &mut Context) {
         self.report_faults(ctx);
         self.card.answer_requests(ctx);
-        self.each(|part, card| part.look(ctx, card));
+        self.each(ctx, |part, ctx, card| part.look(ctx, card));
     }
 
     fn is_quiescent(&self) -> bool {
@@ -88,7 +92,7 @@ impl Firmware for FolderFirmware {
 
     fn due(&mut self, ctx: &mut Context) {
         self.report_faults(ctx);
-        self.each(|part, card| part.due(ctx, card));
+        self.each(ctx, |part, ctx, card| part.due(ctx, card));
     }
 
     fn faults_changed(&mut self, now: u64, faults: &Faults, owner: Owner) {
@@ -115,6 +119,10 @@ impl Firmware for FolderFirmware {
         Some(self)
     }
 
+    fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        self.card.has_phases().then_some(self)
+    }
+
     fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
         self.card.link_mut().map(|link| link as &mut dyn DevicePorts)
     }
@@ -124,7 +132,20 @@ impl Firmware for FolderFirmware {
         if let Some(events) = self.card.events() {
             events.held = order == Start::Stop;
         }
-        self.each(|part, card| part.ordered(ctx, card, order));
+        self.each(ctx, |part, ctx, card| part.ordered(ctx, card, order));
+    }
+}
+
+/// A write of the register that shows the phase is reported at once, before the next write of a client.
+impl AddressWrites for FolderFirmware {
+    fn written_by_address(&self, _: u32, _: u32) {}
+
+    fn answers_write(&self, offset: u32) -> bool {
+        self.card.shows_phase(offset)
+    }
+
+    fn answer_write(&mut self, ctx: &mut Context) {
+        self.card.report_phase(ctx);
     }
 }
 
@@ -134,11 +155,11 @@ impl OptionCard for FolderFirmware {
     }
 
     fn sync_edge(&mut self, ctx: &mut Context) {
-        self.each(|part, card| part.sync_edge(ctx, card));
+        self.each(ctx, |part, ctx, card| part.sync_edge(ctx, card));
     }
 
     fn trigger(&mut self, ctx: &mut Context) {
-        self.each(|part, card| part.trigger(ctx, card));
+        self.each(ctx, |part, ctx, card| part.trigger(ctx, card));
     }
 }
 
@@ -157,7 +178,7 @@ impl FileChanges for FolderFirmware {
         };
         if let Some(script) = script {
             Reload::write(ctx.journal, ctx.now, ctx.origin.plc, "script read again");
-            self.each(|part, card| part.take_over(ctx, card, script));
+            self.each(ctx, |part, ctx, card| part.take_over(ctx, card, script));
         }
         Some(self.source.settings())
     }

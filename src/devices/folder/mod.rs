@@ -17,6 +17,7 @@ pub(crate) mod in_slot;
 mod own_faults;
 mod own_records;
 mod part;
+mod phase;
 mod port;
 pub mod records;
 pub mod rules;
@@ -55,6 +56,7 @@ use crate::fault::FaultKind;
 use crate::layout::DeviceLayout;
 use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
+use crate::plain_text::is_interpreted;
 use commram_layoutc::Layout;
 use commram_layoutc::model::{Device, FieldType};
 use std::collections::BTreeSet;
@@ -225,6 +227,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     check_names(dir, &read)?;
     loaded.has_room(dir)?;
     let layout = loaded.table(of_layout, &read);
+    phase::check(dir, layout)?;
     let tables = XxHash3_64::oneshot(handshakes.as_deref().unwrap_or_default().as_bytes());
     let Tables { rows, records, faults } = match handshakes {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
@@ -390,7 +393,7 @@ pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     let path = base.join(path);
     let found = path.canonicalize().map_err(|reason| FolderError::Missing { dir: path.clone(), reason })?;
     match found.to_str() {
-        Some(text) if !text.contains(char::is_control) => Ok(found),
+        Some(text) if !text.contains(is_interpreted) => Ok(found),
         _ => Err(FolderError::BadPath { dir: path }),
     }
 }

@@ -3,7 +3,7 @@
 use super::Bench;
 use super::ask::Spot;
 use crate::journal::{By, Changed, Keep};
-use crate::request::Op;
+use crate::request::{Op, ranges};
 use crate::script::{ScenarioError, Value};
 use core::panic::Location;
 
@@ -36,7 +36,10 @@ impl Bench {
                 (plc, offset, width.bytes())
             }
         };
-        Ok(self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?)
+        for (offset, len) in ranges(offset, len) {
+            self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?;
+        }
+        Ok(())
     }
 
     /// Returns the changes of a register since [`Bench::record`] that the journal still keeps.

@@ -4,7 +4,7 @@ use super::Bench;
 use crate::identity::DeviceIndex;
 use crate::layout::place::{status_of, without_twins};
 use crate::layout::{Area, DeviceFit, DeviceLayout, RegisterPhase, RegisterRef, split_plc};
-use crate::request::Op;
+use crate::request::{Op, ranges};
 use crate::script::ScenarioError;
 use core::panic::Location;
 
@@ -133,7 +133,11 @@ impl Bench {
     fn copy(&mut self, plc: DeviceIndex, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
         let (of, fitted) = ((plc, self.prefix(plc)), self.names.fitted(plc));
         MemoryCopy::read(of, fitted, area, |offset, len| {
-            Ok(self.ask(Op::ReadRange { plc, offset, len })?.bytes()?)
+            let mut bytes = Vec::with_capacity(len as usize);
+            for (offset, len) in ranges(offset, len) {
+                bytes.extend(self.ask(Op::ReadRange { plc, offset, len })?.bytes()?);
+            }
+            Ok(bytes)
         })
     }
 

@@ -25,6 +25,7 @@ mod verbs;
 pub(crate) use budget::stack_position;
 
 use super::FolderError;
+use super::card::written_registers;
 use super::files::EXERCISE;
 use super::own_records::OwnRecord;
 use super::part::Part;
@@ -42,6 +43,8 @@ const MAIN: &str = super::SCRIPT;
 const MOST_FILES: usize = 16;
 /// Maximum number of bytes of text in all files of a script.
 const LONGEST_SCRIPT: usize = 256 << 10;
+/// Maximum number of registers that the hook `written` watches.
+const MOST_WATCHED: usize = 65_536;
 
 /// Name and text of each file of a script, the main file first.
 type Files = Arc<[(String, String)]>;
@@ -183,6 +186,12 @@ impl Script {
             FolderError::Script { path: dir.join(file), line: line.unwrap_or(1), what }
         })?;
         (self.hooks, self.written) = (hooks, written);
+        if self.watches() && written_registers(layout, self.written()).nth(MOST_WATCHED).is_some() {
+            let what = format!(
+                "the hook written has more than {MOST_WATCHED} registers; select registers with a constant: const WRITTEN = [\"card.w_COMMAND\"];"
+            );
+            return Err(FolderError::Script { path: dir.join(MAIN), line: 1, what });
+        }
         Ok(imports)
     }
 

@@ -1,0 +1,127 @@
+//! Devices in folders whose structures overlay each other.
+
+use super::folders::{Card, journal};
+use std::fs;
+
+const HEAD: &str = "\
+name_from = 'manual'
+size = 8
+page = '1'
+doc = 'Registers'
+offsets = 'manual'
+names = 'manual'
+types = 'manual'
+owners = 'manual'
+resets = 'manual'
+";
+
+/// Structure INI is valid while `w_PH` is below 10, structure RUN from 10 on.
+fn card(script: &str) -> Card {
+    let card = Card::new(script);
+    let structure = |name: &str, registers: &str| {
+        let first = "{ offset = 0, name = 'w_PH', type = 'WORD', owner = 'both', doc = 'Phase' }";
+        let text = format!(
+            "name = '{name}'\n{HEAD}register = [{first}, {registers}, {{ offset = 6, padding = 2 }}]\n"
+        );
+        fs::write(card.dir().join(format!("{name}.toml")), text).unwrap();
+    };
+    structure(
+        "INI",
+        "{ offset = 2, name = 'w_INI', type = 'WORD', owner = 'both', reset = 29, reset_from = 'manual', doc = 'I' },
+         { offset = 4, name = 'u_INI', type = 'UINT', owner = 'plc', doc = 'U' }",
+    );
+    structure(
+        "RUN",
+        "{ offset = 2, name = 'w_RUN', type = 'WORD', owner = 'both', doc = 'R' },
+         { offset = 4, name = 'u_RUN', type = 'UINT', owner = 'plc', reset = 31, reset_from = 'manual', doc = 'U' }",
+    );
+    change(&card, "structures = ['CARD']", "structures = ['INI', 'RUN']");
+    change(
+        &card,
+        "{ name = 'CARD', live = 'always' }",
+        "{ name = 'INI', live = 'init' }, { name = 'RUN', live = 'run' }",
+    );
+    let device = text(&card);
+    let phase = "[phase]\nregister = 'w_PH'\nsource = 'manual'\nvalues = [{ name = 'init', from = 0, variable = '_INIT', doc = 'I' }, { name = 'run', from = 10, variable = '_RUN', doc = 'R' }]\n";
+    fs::write(card.dir().join("device.toml"), device + phase).unwrap();
+    card
+}
+
+fn text(card: &Card) -> String {
+    fs::read_to_string(card.dir().join("device.toml")).unwrap()
+}
+
+fn change(card: &Card, from: &str, to: &str) {
+    let device = text(card);
+    assert!(device.contains(from), "{device}");
+    fs::write(card.dir().join("device.toml"), device.replace(from, to)).unwrap();
+}
+
+#[test]
+fn registers_of_the_first_phase_have_their_reset_values() {
+    let mut bench = card("fn poll() {}").bench();
+    let values = |bench: &mut commram::script::Bench| {
+        ["card.w_INI", "card.u_INI"].map(|register| bench.peek(register).unwrap())
+    };
+    assert_eq!(values(&mut bench), [29, 0]);
+    bench.poke("card.w_PH", 12).unwrap();
+    bench.poke("card.u_RUN", 5).unwrap();
+    bench.step("1ms").unwrap();
+    bench.power_cycle("").unwrap();
+    assert_eq!(values(&mut bench), [29, 0]);
+}
+
+/// A client and the script change the phase; each record has the name of the register that was valid.
+#[test]
+fn the_journal_names_the_registers_of_the_present_phase() {
+    let script = "\
+const WRITTEN = [\"card.u_*\"];
+fn written(register, old, value) {
+    journal(register);
+    write(\"card.w_INI\", 77);
+    output(\"card.w_PH\", 11);
+    write(\"card.w_RUN\", 78);
+}
+";
+    let mut bench = card(script).bench();
+    bench.step("1ms").unwrap();
+    bench.poke("card.w_INI", 5).unwrap();
+    let saved = bench.save().unwrap();
+    for _ in 0..2 {
+        bench.poke("card.u_INI", 6).unwrap();
+        bench.step("1ms").unwrap();
+        bench.poke("card.w_RUN", 7).unwrap();
+        bench.poke("card.w_PH", 0).unwrap();
+        bench.poke("card.w_INI", 8).unwrap();
+        bench.step("1ms").unwrap();
+        let names = |line: String| {
+            let words = line.split([' ', '(']).filter(|word| word.contains("_I") || word.contains("_R"));
+            words.map(str::to_owned).next()
+        };
+        let names: Vec<_> = journal(&mut bench).into_iter().filter_map(names).collect();
+        assert_eq!(
+            names,
+            ["w_INI", "u_INI", "card.u_INI", "w_INI", "w_RUN", "w_RUN", "w_INI"],
+            "{:#?}",
+            journal(&mut bench)
+        );
+        bench.back_to(saved).unwrap();
+    }
+}
+
+#[test]
+fn overlaid_structures_that_have_no_clear_phase_are_refused() {
+    let twice = card("fn poll() {}");
+    change(&twice, "live = 'run' }", "live = 'run' }, { name = 'INI', live = 'run' }");
+    let refused = twice.refused();
+    assert!(refused.contains("device.toml"), "{refused}");
+    assert!(refused.contains("in each phase one structure is valid"), "{refused}");
+    let areas = card("fn poll() {}");
+    let device = text(&areas);
+    let line = device.lines().find(|line| line.starts_with("area = ")).unwrap();
+    let area = line.trim_start_matches("area = [").trim_end_matches(']');
+    let second = area.replace("name = 'card'", "name = 'second'").replace("first = 0", "first = 64");
+    change(&areas, line, &format!("area = [{area}, {second}]"));
+    let refused = areas.refused();
+    assert!(refused.contains("has at most one such area"), "{refused}");
+}
