@@ -67,7 +67,8 @@ impl RecordRing {
             let stored = StoredOctets { seq, octets };
             self.octet_bytes += stored.bytes();
             self.octets.push_back(stored);
-            // Memory that lines no longer use is released, because octets use it now.
+            // Octets and lines share the memory of the ring, so fewer lines fit now. Memory that the lines no longer
+            // need is released.
             if self.lines.capacity() / 4 > self.lines.len().max(16) {
                 self.lines.shrink_to(2 * self.lines.len());
             }

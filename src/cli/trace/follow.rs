@@ -145,8 +145,9 @@ struct Trace<'a, T> {
     counting: Vec<Record>,
     /// The history that was read last.
     turn: Option<u16>,
-    /// The records up to now, if they are printed in another order than they are read. Each has the number of records
-    /// that are missing before it; `None` if the user did not select the record.
+    /// The records that were read so far; they are printed at the end in another order. `None` if records are printed
+    /// as they are read. The number beside a record counts the missing records before it; a record without a number is
+    /// not printed, because the user did not select it.
     held: Option<Vec<(Record, Option<u64>)>>,
     is_folded: bool,
 }

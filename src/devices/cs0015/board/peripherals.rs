@@ -45,7 +45,8 @@ pub(crate) struct Peripherals {
 snapshot_fields!(Peripherals {
     values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
-    // The port reports all findings before its call ends. So there are no findings when a snapshot is taken.
+    // The CAN port of the board removes and reports all findings at the end of each event. So the list is empty when
+    // a snapshot is taken.
     built: findings
 });
 
