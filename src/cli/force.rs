@@ -127,8 +127,7 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     } else {
         let op = |text: &String| {
             let place = session.place(text)?;
-            let whole = place.bit_access().map(|bit| (bit.offset, bit.width));
-            let (offset, width) = whole.unwrap_or((place.offset(), place.width()));
+            let (offset, width) = place.whole();
             Ok(Op::Unforce { plc: session.plc_of(&place)?, offset, width })
         };
         args.registers.iter().map(op).collect::<Result<Vec<_>, CliError>>()?

@@ -68,6 +68,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let session = Session::open(&args.instance, 0)?;
     let bytes = take(&session)?;
+    if bytes.len() as u64 > SnapshotFile::LONGEST {
+        let text = format!(
+            "the snapshot has {} bytes; `restore` reads at most {}",
+            bytes.len(),
+            SnapshotFile::LONGEST
+        );
+        let reason = std::io::Error::new(std::io::ErrorKind::FileTooLarge, text);
+        return Err(CliError::File { path: args.file.clone(), reason });
+    }
     output::write(&args.file, &bytes)?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));

@@ -157,6 +157,12 @@ impl NamedLocation {
         Some(of_register.unwrap_or(BitAccess { offset: self.offset(), width: self.width(), bit: bit.into() }))
     }
 
+    /// Returns offset and width of the whole register. For a single bit, this is the register that contains the bit.
+    #[cfg(feature = "cli")]
+    pub(crate) fn whole(&self) -> (u32, Width) {
+        self.bit_access().map_or((self.offset(), self.width()), |bit| (bit.offset, bit.width))
+    }
+
     /// Returns the name of the register, with the number of the bit if it was given in this form; otherwise the
     /// address.
     pub fn name(&self, live: RegisterPhase) -> String {

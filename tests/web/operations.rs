@@ -122,6 +122,26 @@ fn several_operations_are_one_request() {
     server.post(&server.path("request"), &too_many).problem(400);
 }
 
+#[test]
+fn words_for_single_bits_leave_the_other_bits_unchanged() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#8100"]);
+    let execute = |words: &str| {
+        let operations =
+            server.get(&server.path(&format!("show/operations?{words}"))).ok()["operations"].clone();
+        server.post(&server.path("request"), &json!({ "operations": operations })).ok()["replies"].clone()
+    };
+    let replies = execute("poke=node2.w_CPU_CONTROL.6%3D1&poke=node2.w_CPU_CONTROL.15%3D0");
+    assert_eq!(replies[1]["exchanged"]["ok"], true, "{replies}");
+    assert_eq!(emulator.peek(&["node2.w_CPU_CONTROL"]), "16#0140");
+    execute("force=node2.w_CPU_CONTROL.9%3D1");
+    assert_eq!(emulator.peek(&["node2.w_CPU_CONTROL"]), "16#0340");
+    assert!(emulator.run("force", &[]).ok().contains("node2.w_CPU_CONTROL"));
+    execute("unforce=node2.w_CPU_CONTROL.9");
+    assert_eq!(emulator.run("force", &[]).ok(), "no register is forced\n");
+}
+
 /// Requests that change nothing have a separate connection.
 #[test]
 fn others_are_answered_while_the_clock_advances() {

@@ -259,8 +259,7 @@ impl Model {
         };
         let description =
             format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(place.last_phase()));
-        let whole = place.bit_access().map(|bit| (bit.offset, bit.width));
-        let (offset, width) = whole.unwrap_or((place.offset(), place.width()));
+        let (offset, width) = place.whole();
         let work = Work::Ops(vec![Op::Unforce { plc, offset, width }]);
         self.prompt = Some(Prompt::Really(description.clone(), Task { description, work }));
     }

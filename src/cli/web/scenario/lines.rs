@@ -185,6 +185,11 @@ pub(super) fn add(
                     let conditions = core::mem::take(conditions);
                     wait_for(&conditions, *any, *within_us).map_or(Verb::Step, Verb::Advance)
                 }
+                Op::AdvanceToEvent { .. } if is_known && end_us == begin_us => {
+                    return Err(
+                        "events were handled, but no time passed: scenarios have no verb for that".to_owned()
+                    );
+                }
                 op => verb(connection, op, action.register.as_deref())?,
             };
             if !is_known && !matches!(verb, Verb::Nothing) {
@@ -270,7 +275,10 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
         Op::FaultClear { id: None } => "clear_faults();".to_owned(),
         Op::ClearFindings => "clear_findings();".to_owned(),
         Op::SetBoard { plc, setting } => board(connection, plc, setting)?,
-        Op::BusSend { bus, frame: Some(frame) } => send(&connection.names.bus(bus), frame),
+        Op::BusSend { bus, frame: Some(frame) } => send(&connection.names.bus(bus), frame)?,
+        Op::BusSend { frame: None, .. } => {
+            return Err("scenarios have no verb for taking part in a bus without a frame".to_owned());
+        }
         Op::Wait { plc, offset, width, mask, value: bits, within_us } => {
             let is_whole = mask == width.max_value();
             let name = name(plc, offset, width)?;
@@ -291,7 +299,7 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
         ref other => match other.class() {
             Class::Advances => return Ok(Verb::Step),
             Class::Stores | Class::Acts => match other {
-                Op::Follow { .. } | Op::BusSend { .. } => return Ok(Verb::Nothing),
+                Op::Follow { .. } => return Ok(Verb::Nothing),
                 _ => return Err("scenarios have no verb for it".to_owned()),
             },
             Class::Looks | Class::Manages | Class::Travels | Class::Ends => return Ok(Verb::Nothing),
@@ -344,16 +352,19 @@ fn board(
 }
 
 /// Formats the line that sends a frame from a separate station.
-fn send(bus: &str, frame: crate::can::Frame) -> String {
+fn send(bus: &str, frame: crate::can::Frame) -> Result<String, String> {
     let (id, length, data) = frame.numbers();
     let extended = if id >> 31 == 1 { ", extended" } else { "" };
     let number = id & 0x1FFF_FFFF;
     if id >> 30 & 1 == 1 {
-        return format!("rtr({}, 0x{number:X}{extended});", quoted(bus));
+        return match length {
+            0 => Ok(format!("rtr({}, 0x{number:X}{extended});", quoted(bus))),
+            _ => Err(format!("scenarios send remote frames of length 0; this frame has length {length}")),
+        };
     }
     let bytes = data.to_le_bytes();
     let bytes: Vec<_> = bytes.iter().take(length.into()).map(|byte| format!("{byte:02X}")).collect();
-    format!("send_frame({}, 0x{number:X}, {}{extended});", quoted(bus), quoted(&bytes.join(" ")))
+    Ok(format!("send_frame({}, 0x{number:X}, {}{extended});", quoted(bus), quoted(&bytes.join(" "))))
 }
 
 #[cfg(test)]
