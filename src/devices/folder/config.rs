@@ -7,6 +7,7 @@ use super::handshakes::Handshakes;
 use super::in_slot;
 use super::own_faults::OwnFaults;
 use super::part::Part;
+use super::phase;
 use super::port::{BusLink, FolderPort};
 use super::source::Source;
 use crate::devices::can_bus::CanSocket;
