@@ -39,6 +39,8 @@ mod module;
 #[cfg(test)]
 mod names_tests;
 pub mod omega_drive_line_2;
+#[cfg(feature = "cli")]
+pub(crate) mod pages;
 #[cfg(feature = "emulator")]
 mod plain;
 #[cfg(feature = "emulator")]

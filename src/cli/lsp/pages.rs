@@ -1,6 +1,7 @@
 //! The pages of the documentation: where they are installed, and which page describes a section of a TOML file.
 
 use super::tables::TableKind;
+use crate::devices::pages;
 use std::path::{Path, PathBuf};
 
 /// A section of a TOML file, its page, and a heading of this page; an empty heading is the beginning of the page.
@@ -15,7 +16,7 @@ const OF_PLANTS: &[Section] = &[
     ("plc.drive", PLANT, "## The drive of a PLC"),
     ("plc.drive.monitoring", PLANT, "## Communication monitoring"),
     ("device", PLANT, ""),
-    ("device.module", "devices/bm4-plc/overview.md", ""),
+    ("device.module", pages::OF_MODULES, ""),
     ("device.option", FOLDERS, "## Option cards"),
     ("bus", PLANT, ""),
     ("bus.drive", PLANT, "## Drives on a bus"),
@@ -51,16 +52,6 @@ const OF_HANDSHAKES: &[Section] = &[
     ("mirror", FOLDERS, "## Handshakes"),
     ("record", FOLDERS, "## Handshakes"),
     ("fault", FOLDERS, "## Faults"),
-];
-
-/// Kinds of devices, modules and buses whose page does not have their name.
-const OF_KINDS: &[Section] = &[
-    ("cr201x", "devices/cs0015/overview.md", "## I/O modules"),
-    ("can-05", "devices/bm4-plc/overview.md", ""),
-    ("can-06", "devices/bm4-plc/overview.md", ""),
-    ("cansync", PLANT, "## Drives on a bus"),
-    ("can", "reference/can.md", ""),
-    ("profibus", "devices/can-dp2/overview.md", ""),
 ];
 
 /// A place in a page.
@@ -111,7 +102,7 @@ impl Pages {
 
     /// Returns the description of a device, a module or a bus of this kind.
     pub(super) fn of_kind(&self, kind: &str) -> Option<PagePlace> {
-        if let Some((_, page, heading)) = OF_KINDS.iter().find(|(name, ..)| *name == kind) {
+        if let Some((_, page, heading)) = pages::OF_KINDS.iter().find(|(name, ..)| *name == kind) {
             return self.place(page, |line| !heading.is_empty() && line == *heading);
         }
         let is_name = kind.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
@@ -181,7 +172,7 @@ mod tests {
         for kind in kinds.map(|device| device.layout.name).chain(buses).chain(["can-05", "can-06"]) {
             assert!(pages().of_kind(kind).is_some(), "{kind}");
         }
-        for (kind, _, heading) in OF_KINDS {
+        for (kind, _, heading) in pages::OF_KINDS {
             assert_eq!(pages().of_kind(kind).unwrap().line.is_some(), !heading.is_empty(), "{kind}");
         }
         for none in ["", "../..", "../can-dp2", "unknown"] {

@@ -223,27 +223,3 @@ impl FolderConfig {
         Ok((Box::new(device), plugs))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::devices::samples::copy_folder;
-    use crate::plant::PlantConfig;
-
-    /// A number over this text is in snapshots, and another build of this version must compute the same number. So a key
-    /// that the plant file leaves out must not be in the text.
-    #[test]
-    fn the_settings_are_the_files_and_the_given_keys_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        copy_folder("encoder", folder.path());
-        let files = crate::devices::folder::load(folder.path()).unwrap().fingerprint;
-        let settings = |keys: &str| {
-            let kind = folder.path().display();
-            let plant = format!("[[device]]\nname = \"a\"\nkind = \"{kind}\"\n{keys}[[plc]]\nname = \"b\"\n");
-            let config = PlantConfig::parse("plant", &plant).unwrap();
-            format!("{:?}", config.devices.iter().find(|device| device.name() == "a").unwrap())
-        };
-        assert_eq!(settings(""), format!("encoder {{ name: \"a\", files: {files} }}"));
-        let card = settings("option = { plc = \"b\", slot = 2 }\n");
-        assert_eq!(card, format!("encoder {{ name: \"a\", files: {files}, option: (\"b\", 2, 1) }}"));
-    }
-}
