@@ -196,7 +196,7 @@ pub(super) static DUPLICATE_FRAME: FaultKind =
     .shown("slot=CC delay=50us");
 
 /// Families of buses with ports that have a CAN controller.
-const CONTROLLERS: &[&str] = &["cansync", "can"];
+pub(super) const CONTROLLERS: &[&str] = &["cansync", "can"];
 
 pub(super) static BUS_OFF: FaultKind = FaultKind::new(
     11,

@@ -1,5 +1,6 @@
 //! Tests of the kinds of faults of all families: description, checks and documentation.
 
+use super::can_faults::CONTROLLERS;
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{
     Draft, Fault, FaultError, FaultKind, FaultSpec, FieldValue, Form, Refusal, Target, TargetKind,
@@ -168,7 +169,9 @@ fn target(kind: &FaultKind, place: usize, number: u8) -> Target {
         TargetKind::Bus => Target::Bus(BusIndex::of_number(bus)),
         TargetKind::Participant => Target::Participant { bus: BusIndex::of_number(bus), number: number % 32 },
         TargetKind::Port => {
-            let ports = names.device(DeviceIndex(device)).ports;
+            // Faults of ports concern CAN controllers only.
+            let ports = names.device(DeviceIndex(device)).ports.iter();
+            let ports: Vec<_> = ports.filter(|port| CONTROLLERS.contains(&port.medium)).collect();
             Target::Port {
                 device: DeviceIndex(device),
                 port: ports[usize::from(number) % ports.len()].number,

@@ -9,7 +9,7 @@ use super::text;
 use crate::layout::DeviceLayout;
 use crate::layout::{AreaStructure, RegType, format_value};
 use crate::memory::HEADER_SIZE;
-use crate::memory::contract::{self, FieldKind, HeaderStruct};
+use crate::memory::contract::{self, Codes, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
 use std::fmt::Write;
 
@@ -76,6 +76,11 @@ pub(crate) fn header(scope: &Scope, format: &str, prefix: &str) -> String {
     out
 }
 
+/// Name of a constant of the header page, such as the code of a state.
+fn code_name(of: &Codes, code: &str) -> String {
+    format!("COMMRAM_{}_{}", text::snake(of.name), text::snake(code)).to_uppercase()
+}
+
 fn header_page(out: &mut String, scope: &Scope) {
     let numbers = [
         ("MAGIC", format!("UINT64_C(0x{MAGIC:016X})"), "\"commram\" and a zero"),
@@ -90,8 +95,7 @@ fn header_page(out: &mut String, scope: &Scope) {
     for of in &contract::CODES {
         out.push_str("\nenum {\n");
         for (value, code, doc) in of.codes {
-            let code = format!("COMMRAM_{}_{}", text::snake(of.name), text::snake(code)).to_uppercase();
-            let _ = writeln!(out, "    {code} = {value}, /* {} */", doc.trim());
+            let _ = writeln!(out, "    {} = {value}, /* {} */", code_name(of, code), doc.trim());
         }
         out.push_str("};\n");
     }
@@ -132,7 +136,8 @@ fn meanings(out: &mut String, scope: &Scope) {
         for constant in constants {
             let value =
                 if constant.is_shift { constant.value.to_string() } else { hex(register.ty, constant.value) };
-            let _ = writeln!(out, "#define COMMRAM_{} {value} /* {} */", constant.name, constant.text);
+            let name = free_name(&format!("COMMRAM_{}", constant.name));
+            let _ = writeln!(out, "#define {name} {value} /* {} */", constant.text);
         }
     }
 }
@@ -262,7 +267,13 @@ fn free_name(name: &str) -> String {
         .iter()
         .any(|text| text.split(|c| !is_part(c)).any(|word| word == name));
     let is_declared = NAMES.lines().any(|declared| declared == name);
-    if is_used || is_declared { format!("{name}_") } else { field_name(name) }
+    let mut codes =
+        contract::CODES.iter().flat_map(|of| of.codes.iter().map(move |(_, code, _)| code_name(of, code)));
+    if is_used || is_declared || codes.any(|code| code == name) {
+        format!("{name}_")
+    } else {
+        field_name(name)
+    }
 }
 
 #[cfg(test)]
@@ -290,6 +301,10 @@ mod tests {
 
     #[test]
     fn names_of_the_header_itself_get_an_underscore() {
+        assert_eq!(
+            ["COMMRAM_STATE_READY", "COMMRAM_STATE_FULL"].map(free_name),
+            ["COMMRAM_STATE_READY_", "COMMRAM_STATE_FULL"]
+        );
         let names = ["uint8_t", "commram", "commram_attach", "COMMRAM_LOAD", "commram_card", "CARD"];
         let free = ["uint8_t_", "commram_", "commram_attach_", "COMMRAM_LOAD_", "commram_card", "CARD"];
         assert_eq!(names.map(free_name), free);

@@ -76,12 +76,19 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     out.push_str("    },\n");
 }
 
+/// Returns the name of an enumeration or a constant, with `_` appended if the module itself has another use of the name.
+fn free_name(name: &str) -> String {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let is_used = name == "HEADER_SIZE" || ATTACH.split(|c| !is_part(c)).any(|word| word == name);
+    if is_used { format!("{name}_") } else { name.to_owned() }
+}
+
 /// Generates an enumeration of the values, or flags if the members are bits. The constants for the lowest bits of
 /// fields are not members.
 fn enumeration(out: &mut String, of: &Enumeration) {
     if !of.members.is_empty() {
         let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
-        let _ = writeln!(out, "\n\nclass {}(enum.{base}):", of.name);
+        let _ = writeln!(out, "\n\nclass {}(enum.{base}):", free_name(&of.name));
         for (name, value, text) in &of.members {
             let _ = writeln!(out, "    {name} = 0x{value:X}  # {text}");
         }
@@ -90,7 +97,7 @@ fn enumeration(out: &mut String, of: &Enumeration) {
         out.push_str("\n\n");
     }
     for (name, value) in &of.shifts {
-        let _ = writeln!(out, "{name} = {value}");
+        let _ = writeln!(out, "{} = {value}", free_name(name));
     }
 }
 

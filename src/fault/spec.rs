@@ -1,6 +1,6 @@
 //! Conversion of a fault description to a checked fault.
 
-use super::error::{kind_list, list, port_list};
+use super::error::{kind_list, list};
 use super::kind::{AT_US, COUNT, DURATION_US, NODE, SLAVE};
 use super::{
     Draft, Fault, FaultError, FaultKind, FaultSpec, Field, FieldValue, Form, MAX_FIELDS, Refusal, Target,
@@ -8,7 +8,7 @@ use super::{
 };
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
-use crate::layout::{DeviceLayout, Port, did_you_mean};
+use crate::layout::{Port, did_you_mean};
 
 impl FaultSpec {
     /// Returns the fault of this description as a checked fault, in an installation with these `names`. Only `kinds`
@@ -188,23 +188,21 @@ impl<'a> Reader<'a> {
 
     fn port(&self, plc: DeviceIndex) -> Result<&'static Port, FaultError> {
         let device = self.names.device(plc);
+        let its = |port: &&'static Port| self.kind.families().contains(&port.medium);
+        let ports: Vec<&'static Port> = device.ports.iter().filter(its).collect();
         let found = match self.given(&NODE) {
-            Some(FieldValue::Text(name)) => device.port(name),
+            Some(FieldValue::Text(name)) => device.port(name).filter(its),
             Some(FieldValue::Number(number)) => {
-                device.ports.iter().find(|port| u64::from(port.number.0) == *number)
+                ports.iter().copied().find(|port| u64::from(port.number.0) == *number)
             }
-            None => {
-                let its = |port: &&Port| self.kind.families().contains(&port.medium);
-                let mut ports = device.ports.iter().filter(its);
-                match (ports.next(), ports.next()) {
-                    (Some(only), None) => Some(only),
-                    _ => return Err(self.missing(&NODE, format!("give {}", choice(device)))),
-                }
-            }
+            None => match ports[..] {
+                [only] => Some(only),
+                _ => return Err(self.missing(&NODE, format!("give {}", choice(&ports)))),
+            },
         };
         found.ok_or_else(|| match self.given(&NODE) {
-            Some(FieldValue::Number(value)) if are_numbered(device) => {
-                let numbers = || device.ports.iter().map(|port| u64::from(port.number.0));
+            Some(FieldValue::Number(value)) if are_numbered(&ports) => {
+                let numbers = || ports.iter().map(|port| u64::from(port.number.0));
                 let (least, most) = (numbers().min().unwrap_or(0), numbers().max().unwrap_or(0));
                 self.refused(Refusal::Range { field: &NODE, value: *value, least, most })
             }
@@ -212,7 +210,7 @@ impl<'a> Reader<'a> {
                 kind: self.kind,
                 plc: self.names.plc(plc).into_owned(),
                 port: given.map(FieldValue::to_string).unwrap_or_default(),
-                known: port_list(device),
+                known: list(&ports.iter().map(|port| port.name).collect::<Vec<_>>()),
             },
         })
     }
@@ -264,21 +262,20 @@ pub(super) fn port_given(port: &Port) -> FieldValue {
 }
 
 /// True if the names of all ports are numbers.
-fn are_numbered(device: &DeviceLayout) -> bool {
-    !device.ports.is_empty()
-        && device.ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
+fn are_numbered(ports: &[&Port]) -> bool {
+    !ports.is_empty() && ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
 }
 
-/// Returns the ports of a device, for messages: `1 (slave) or 2 (master)`.
-fn choice(device: &DeviceLayout) -> String {
-    let port = |port: &Port| {
+/// Returns ports for messages: `1 (slave) or 2 (master)`.
+fn choice(ports: &[&Port]) -> String {
+    let port = |port: &&Port| {
         let name = match port_given(port) {
             FieldValue::Number(number) => number.to_string(),
             FieldValue::Text(name) => name,
         };
         port.role().map_or_else(|| name.clone(), |role| format!("{name} ({role})"))
     };
-    let ports: Vec<_> = device.ports.iter().map(port).collect();
+    let ports: Vec<_> = ports.iter().map(port).collect();
     match &ports[..] {
         [] => "a port; the PLC has none".to_owned(),
         [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),

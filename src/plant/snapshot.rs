@@ -386,7 +386,7 @@ impl Plant {
 
 /// Returns the phases of areas that belong to no port.
 fn phases_of_devices(devices: &[Box<dyn Device>]) -> impl Iterator<Item = PortPhase> {
-    let of_device = |(index, device): (usize, &Box<dyn Device>)| {
+    let of_device = |(index, device): (usize, &dyn Device)| {
         let layout: &'static Layout = device.layout();
         let is_free = |area: &&Area| layout.ports.iter().all(|port| port.area.first != area.first);
         let (area, status) =
@@ -395,7 +395,7 @@ fn phases_of_devices(devices: &[Box<dyn Device>]) -> impl Iterator<Item = PortPh
         let port = Origin::of_device(DeviceIndex::at(index));
         Some(PortPhase { port, live: area.phase(Some(value)) })
     };
-    devices.iter().enumerate().filter_map(of_device)
+    devices.iter().map(|device| &**device).enumerate().filter_map(of_device)
 }
 
 /// Returns the ranges of the image that contain registers, in ascending order.

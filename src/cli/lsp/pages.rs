@@ -69,6 +69,7 @@ pub(super) struct Pages(Option<PathBuf>);
 impl Pages {
     /// Finds the pages that belong to this program: in its package, or in the checkout that contains the program. Other
     /// programs, such as the one of the wheel, have no pages (D-875).
+    #[cfg(not(test))]
     pub(super) fn of_program() -> Self {
         let program = std::env::current_exe().ok();
         let above = program.iter().flat_map(|program| program.ancestors().skip(1));
@@ -78,6 +79,12 @@ impl Pages {
             installed.into_iter().chain(is_checkout.then(|| directory.join("docs")))
         });
         Self::in_one_of(candidates)
+    }
+
+    /// The pages of this checkout, wherever Cargo puts the tests.
+    #[cfg(test)]
+    pub(super) fn of_program() -> Self {
+        Self::in_one_of([PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs")].into_iter())
     }
 
     fn in_one_of(mut candidates: impl Iterator<Item = PathBuf>) -> Self {
@@ -127,7 +134,7 @@ impl Pages {
     fn place(&self, page: &str, is_wanted: impl Fn(&str) -> bool) -> Option<PagePlace> {
         let file = self.0.as_deref()?.join(page);
         let text = std::fs::read_to_string(&file).ok()?;
-        let line = text.lines().position(|line| is_wanted(line)).map(|line| line + 1);
+        let line = text.lines().position(is_wanted).map(|line| line + 1);
         Some(PagePlace { file, line })
     }
 
@@ -143,7 +150,7 @@ mod tests {
     use crate::devices;
 
     fn pages() -> Pages {
-        Pages::in_one_of([PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs")].into_iter())
+        Pages::of_program()
     }
 
     #[test]

@@ -20,7 +20,7 @@ const SCRIPT: &str = include_str!("html/report.js");
 /// The content of a page may come from untrusted scenarios: the page loads nothing, and runs only the script with this
 /// SHA-256 hash.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
-    script-src 'sha256-gjacU4LTdSY1fLeVLVyJQ4Pv4mZUCLPhi88U9Im5mY8='";
+    script-src 'sha256-tNU4keKFyEtY/0dOBHlXalqXSDqwov1+2WLd6wQnn+s='";
 
 /// Columns of the table of scenarios, and whether a column has numbers.
 const COLUMNS: [(&str, bool); 6] = [

@@ -108,7 +108,7 @@ impl OwnField {
     fn check(&self) -> Result<(), String> {
         let Self { name, from, to, default, .. } = self;
         let taken = FaultKind::COMMON.into_iter().map(Field::name);
-        let taken = taken.chain(["for_us", "plc", "device", "kind", "required"]);
+        let taken = taken.chain(["for_us", "us", "plc", "device", "kind", "required"]);
         if taken.into_iter().any(|other| other == name || other.trim_end_matches("_us") == name) {
             return Err(format!("each fault has a field `{name}`; choose another name"));
         }
