@@ -1,6 +1,7 @@
 //! Scope of an export: the whole device or one area of it.
 
 use crate::layout::{Area, AreaStructure, DeviceLayout, LayoutError, Meaning, Register, Structure};
+#[cfg(feature = "cli")]
 use std::collections::BTreeSet;
 
 /// The areas to export.
@@ -56,6 +57,7 @@ impl Scope {
 
     /// Finds a name that two structures or two meanings have: what has it, and the name. Only cards of a controller can have
     /// such names.
+    #[cfg(feature = "cli")]
     pub(crate) fn ambiguous_name(&self) -> Option<(&'static str, &'static str)> {
         let structures = self.structures().into_iter().map(|structure| ("structures", structure.name));
         let meanings = self.meanings().into_iter().map(|(meaning, _)| ("meanings", meaning.name));

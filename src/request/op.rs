@@ -22,6 +22,7 @@ pub const MAX_RANGE: u32 = 65_536;
 
 /// Divides the `len` bytes from `offset` on into ranges that one operation can name. Each range consists of its first
 /// byte and its length.
+#[cfg(feature = "script")]
 pub(crate) fn ranges(offset: u32, len: u32) -> impl Iterator<Item = (u32, u32)> {
     let starts = (0..len).step_by(MAX_RANGE as usize);
     starts.map(move |start| (offset + start, MAX_RANGE.min(len - start)))

@@ -122,5 +122,5 @@ fn pytest_lsp_uses_the_server() {
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .current_dir(directory.path());
     let outcome = finish(command);
-    assert!(outcome.ok().contains("3 passed"), "{}", outcome.ok());
+    assert!(outcome.ok().contains("4 passed"), "{}", outcome.ok());
 }

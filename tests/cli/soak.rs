@@ -8,6 +8,7 @@ fn the_same_seed_draws_the_same_rounds() {
     let [one, other] = [(); 2].map(|()| {
         let args = [
             "soak",
+            "--quiet",
             "--seed",
             "42",
             "--rounds",

@@ -146,7 +146,7 @@ fn two_participants_on_two_wires_destroy_each_others_characters() {
     let framing = serial_received::FRAMING;
     assert_eq!(received, [vec![], vec![], vec![framing, framing]]);
     assert_eq!(findings(&plant), ["serial-collision"; 2], "one for each PLC");
-    let errors = lines(&plant, &["collision"]);
+    let errors = lines(&plant, &["destroyed by a collision"]);
     assert!(errors.len() == 2 && errors[0].contains("destroyed by a collision from a:serial"), "{errors:?}");
 }
 

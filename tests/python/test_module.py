@@ -134,9 +134,9 @@ def test_a_killed_emulator_is_noticed(stepped):
 def test_an_invalid_image_is_refused_with_its_mistake(stepped, tmp_path):
     path = str(tmp_path / "image")
 
-    def refused(why, at=None, length=None):
+    def refused(why, *places, length=None):
         shutil.copy(f"/dev/shm/commram.{stepped.name}.line", path)
-        if at is not None:
+        for at in places:
             with open(path, "r+b") as file:
                 file.seek(at)
                 file.write(b"\x7f")
@@ -145,9 +145,10 @@ def test_an_invalid_image_is_refused_with_its_mistake(stepped, tmp_path):
         with pytest.raises(commram.NotAttached, match=why):
             commram.Ram(path)
 
-    refused("no image of a communication RAM", at=0)
-    refused("ABI version 127, this (module|program) knows 3", at=8)
-    refused("another register map", at=16)
+    refused("no image of a communication RAM", 0)
+    refused("ABI version 127, this (module|program) knows 3", 8)
+    # A program accepts the map of the image, or the map without option cards (`base_layout_hash`).
+    refused("another register map", 16, 776)
     refused("too short", length=20)
     refused("too short", length=4096)
     with pytest.raises(commram.NotAttached, match="No such file"):

@@ -7,7 +7,8 @@ use super::port::{Arrival, Unsendable};
 #[cfg(feature = "script")]
 use crate::can::{ErrorState, Filter, Frame};
 use crate::devices::{CardPulses, Context, Events};
-use crate::journal::{Origin, Register};
+use crate::identity::DeviceIndex;
+use crate::journal::{Origin, Register, State};
 #[cfg(feature = "script")]
 use crate::layout::place::{is_live, status_of};
 #[cfg(feature = "script")]
@@ -281,10 +282,15 @@ impl Card {
 
     /// Writes a record if the phase has changed.
     pub(super) fn report_phase(&mut self, ctx: &mut Context) {
-        if let Some(place) = self.phase.place() {
-            let now = self.load(place);
-            self.phase.entered(ctx.origin.plc, now).into_iter().for_each(|state| ctx.report(state));
+        if let Some(state) = self.entered(ctx.origin.plc) {
+            ctx.report(state);
         }
+    }
+
+    /// Returns the record for the journal if the phase has changed since the last call.
+    pub(super) fn entered(&mut self, plc: DeviceIndex) -> Option<State> {
+        let now = self.load(self.phase.place()?);
+        self.phase.entered(plc, now)
     }
 
     /// True if structures overlay each other.

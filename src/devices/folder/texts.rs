@@ -76,6 +76,7 @@ mod tests {
             "'a\\'",
             "\"a\\nb\"",
             "\"a\\u202Eb\"",
+            "\"a\\u2028b\"",
             "\"\"\"a\nb\"\"\"",
         ] {
             for place in [format!("x = {text}"), format!("[[x]]\ny = [{{ z = {text} }}]")] {

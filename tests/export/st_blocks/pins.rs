@@ -179,12 +179,13 @@ fn the_blocks_are_structured_text() {
     let path = directory.path().join("blocks.st");
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_st.py");
     let export = exported("omega-drive-line-2");
-    // Another test parses the types. The parser is slow, so the text is parsed in two halves.
+    // Another test parses the types. The parser is slow, so the text is parsed in three parts.
     let (_, blocks) = export.ok().split_once("(* A monitoring time").unwrap();
     let (one, two) = blocks.split_once("(* CANsync_PD_CFG_MA").unwrap();
-    for half in [format!("(* {one}"), format!("(* {two}")] {
+    let (two, three) = two.split_once("(* The data of a block of the procedure").unwrap();
+    for part in [one, two, three].map(|part| format!("(* {part}")) {
         let Some(mut python) = python(&["blark"]) else { return };
-        std::fs::write(&path, half).unwrap();
+        std::fs::write(&path, part).unwrap();
         let outcome = finish(python.arg(&script).arg(&path));
         assert!(outcome.ok().starts_with("parsed "), "{}", outcome.out);
     }

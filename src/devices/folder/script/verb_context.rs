@@ -10,7 +10,7 @@ use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::port::Unsendable;
 use crate::devices::folder::records::{DeviceRecord, Note, Unsent};
 use crate::devices::folder::rules;
-use crate::journal::{Finding, Handshake, Origin, Register};
+use crate::journal::{Finding, Handshake, Origin, Register, State};
 use crate::layout::{DeviceLayout, RegisterRef};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -56,6 +56,8 @@ pub(super) enum Report {
     Note(String),
     Changed(Register),
     Answered(Handshake),
+    /// The device has entered a phase.
+    Entered(State),
     /// A record of the device, as a line.
     Recorded(String),
     /// A finding with its text.
@@ -72,6 +74,7 @@ impl Report {
             Report::Recorded(line) => DeviceRecord::write(ctx.journal, ctx.now, ctx.origin.plc, &line),
             Report::Changed(event) => ctx.report(event),
             Report::Answered(event) => ctx.report(event),
+            Report::Entered(event) => ctx.report(event),
             Report::Unsent(frame, reason) => {
                 Unsent::write(ctx.journal, ctx.now, ctx.origin.plc, &frame, reason);
             }
@@ -88,6 +91,13 @@ impl Acting {
             let (origin, offset) = self.card.located(found.place, self.origin);
             self.reports.push(Report::Changed(Register { origin, offset, from, to }));
         }
+        self.report_phase();
+    }
+
+    /// Adds an entry if the phase has changed, before the entries of later writes.
+    fn report_phase(&mut self) {
+        let entered = self.card.entered(self.origin.plc);
+        self.reports.extend(entered.map(Report::Entered));
     }
 
     /// Replaces `request` by `answer`; returns false if the register has another value.
@@ -102,6 +112,7 @@ impl Acting {
             }
             _ => Report::Changed(Register { origin, offset, from: request, to: answer }),
         });
+        self.report_phase();
         true
     }
 
