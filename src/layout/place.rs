@@ -100,7 +100,7 @@ impl NamedLocation {
         status_of(self.area)
     }
 
-    /// Returns the phase that the value `status` of the register from [`Place::status`] means. If the value is not
+    /// Returns the phase that the value `status` of the register from [`NamedLocation::status`] means. If the value is not
     /// known, returns the last phase.
     pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
         self.area.phase(status)
