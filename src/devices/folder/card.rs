@@ -254,12 +254,12 @@ impl Card {
 
     /// Does the same as [`Card::update`], and records a change in the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
-        self.report_phase(ctx);
         let (from, to) = self.update(place, f);
         if from != to {
             let (origin, offset) = self.located(place, ctx.origin);
             ctx.report(Register { origin, offset, from, to });
         }
+        self.report_phase(ctx);
     }
 
     /// Returns the device that has a register in its image, and the offset there. `own` is the origin of this device.
