@@ -262,10 +262,7 @@ fn field_name(name: &str) -> String {
 /// Returns the name of a type, a function or a macro, with `_` appended if the name has another meaning in C, in C++ or
 /// in the header itself.
 fn free_name(name: &str) -> String {
-    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
-    let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE]
-        .iter()
-        .any(|text| text.split(|c| !is_part(c)).any(|word| word == name));
+    let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE].iter().any(|text| text::has_word(text, name));
     let is_declared = NAMES.lines().any(|declared| declared == name);
     let mut codes =
         contract::CODES.iter().flat_map(|of| of.codes.iter().map(move |(_, code, _)| code_name(of, code)));

@@ -78,9 +78,7 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
 
 /// Returns the name of an enumeration or a constant, with `_` appended if the module itself has another use of the name.
 fn free_name(name: &str) -> String {
-    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
-    let is_used = name == "HEADER_SIZE" || ATTACH.split(|c| !is_part(c)).any(|word| word == name);
-    if is_used { format!("{name}_") } else { name.to_owned() }
+    if name == "HEADER_SIZE" || text::has_word(ATTACH, name) { format!("{name}_") } else { name.to_owned() }
 }
 
 /// Generates an enumeration of the values, or flags if the members are bits. The constants for the lowest bits of

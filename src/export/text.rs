@@ -144,6 +144,12 @@ pub(crate) fn about(structure: &Structure) -> String {
     }
 }
 
+/// True if the text in a programming language contains `name` as a whole word.
+pub(super) fn has_word(text: &str, name: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    text.split(|c| !is_part(c)).any(|word| word == name)
+}
+
 /// Converts a name to lower case with `_`: `event_slot` for `EventSlot`.
 pub(crate) fn snake(name: &str) -> String {
     let mut snake = String::new();

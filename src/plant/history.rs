@@ -6,8 +6,8 @@ use super::force::Forces;
 use crate::devices::Device;
 use crate::identity::DeviceIndex;
 use crate::journal::{By, Change, Journal, Keep, MAX_FOLLOWED, Rams};
-use crate::layout::RegisterPhase;
 use crate::layout::place::status_of;
+use crate::layout::{Area, RegisterPhase, RegisterRef};
 use crate::memory::{Unmapped, Width};
 
 /// The reason why registers cannot be followed.
@@ -102,6 +102,13 @@ impl Plant {
     }
 }
 
+/// Returns the present phase of an area of this device.
+pub(super) fn phase_in(device: &dyn Device, area: &'static Area) -> RegisterPhase {
+    let value_of =
+        |status: RegisterRef| device.segment().load(status.offset(), status.address().width()).ok();
+    area.phase(status_of(area).and_then(value_of))
+}
+
 struct Compared<'a> {
     now: u64,
     devices: &'a [Box<dyn Device>],
@@ -117,9 +124,7 @@ impl Rams for Compared<'_> {
         let Some(device) = self.devices.get(plc.index()) else { return RegisterPhase::ALWAYS };
         let layout = device.layout();
         let Ok(area) = layout.area_at(layout.at(Width::Byte, offset)) else { return RegisterPhase::ALWAYS };
-        let status = status_of(area)
-            .and_then(|status| device.segment().load(status.offset(), status.address().width()).ok());
-        area.phase(status)
+        phase_in(&**device, area)
     }
 
     fn is_forced(&self, plc: DeviceIndex, offset: u32) -> bool {

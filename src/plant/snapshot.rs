@@ -10,6 +10,7 @@ mod tests;
 
 pub use file::{SnapshotFile, SnapshotFileError};
 
+use super::history::phase_in;
 use super::{Plant, PlantConfig};
 use crate::devices::{self, Device};
 use crate::identity::DeviceIndex;
@@ -389,11 +390,8 @@ fn phases_of_devices(devices: &[Box<dyn Device>]) -> impl Iterator<Item = PortPh
     let of_device = |(index, device): (usize, &dyn Device)| {
         let layout: &'static Layout = device.layout();
         let is_free = |area: &&Area| layout.ports.iter().all(|port| port.area.first != area.first);
-        let (area, status) =
-            layout.areas.iter().filter(is_free).find_map(|area| Some((area, status_of(area)?)))?;
-        let value = device.segment().load(status.offset(), status.address().width()).ok()?;
-        let port = Origin::of_device(DeviceIndex::at(index));
-        Some(PortPhase { port, live: area.phase(Some(value)) })
+        let area = layout.areas.iter().filter(is_free).find(|area| status_of(area).is_some())?;
+        Some(PortPhase { port: Origin::of_device(DeviceIndex::at(index)), live: phase_in(device, area) })
     };
     devices.iter().map(|device| &**device).enumerate().filter_map(of_device)
 }
