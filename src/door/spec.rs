@@ -110,7 +110,7 @@ impl From<DoorSpec> for String {
 }
 
 impl DoorSpec {
-    /// Returns the door whose kind has this number in requests of the channel. A door over TCP gets the address `at`, a
+    /// Returns the door of the kind with this number in requests of the channel. A door over TCP gets the address `at`, a
     /// door over a pseudo-terminal gets the number `pty`. `None` if no kind of door has this number.
     #[must_use]
     pub fn of_number(number: u16, at: SocketAddrV4, pty: Option<u32>) -> Option<Self> {

@@ -139,8 +139,8 @@ impl Sites {
                         known.name
                     )));
                 }
-                // The firmware of the port applies the fault if the kind is one of its own kinds. If not, the bus must
-                // apply the fault.
+                // The firmware of the port applies the kinds of faults that its device declares. The bus must apply all
+                // other kinds.
                 if !site.faults.contains(&fault.kind()) {
                     self.bus(bus, fault)?;
                 }

@@ -162,7 +162,7 @@ impl RegisterWidths {
     }
 
     /// Returns offset and width of each register with a byte in `offset..offset + len`, in ascending order. Plain RAM
-    /// is divided into doublewords. A range that is only plain RAM is one item if it has the length of a register.
+    /// is divided into doublewords. A range of plain RAM without registers is one item if it is as long as a register.
     ///
     /// # Errors
     /// No register area covers one of the bytes.

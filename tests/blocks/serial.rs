@@ -61,7 +61,7 @@ impl Plc {
     }
 }
 
-/// Two PLCs whose ports are on.
+/// Two PLCs with ports that are switched on.
 struct Bench {
     plant: Plant,
     plcs: [Plc; 2],

@@ -189,7 +189,7 @@ impl DeviceConfig for PlcConfig {
     }
 }
 
-/// A PLC whose memory also has the registers of its option cards. The settings are those of the PLC.
+/// A PLC with the registers of its option cards in its memory. All settings are settings of the PLC.
 #[derive(Clone, Debug)]
 struct PlcWithCards {
     plc: PlcConfig,

@@ -84,8 +84,8 @@ fn transfer(plc: &mut Plc, block: &mut FB4) {
     panic!("no end of the transfer");
 }
 
-/// The orders of p. 77-79: the start frame, an identifier that is enabled, a frame that is received. With
-/// READ_ENABLE, the block also reads with every order. FREIGABE without an order only reads.
+/// The block sends the orders of p. 77-79: it enables the start frame, enables an identifier, and receives a frame. With
+/// READ_ENABLE it also reads with every order. FREIGABE without an order only reads.
 #[test]
 fn fb4_sends_orders_over_the_window() {
     for command in [4, 3, 0] {

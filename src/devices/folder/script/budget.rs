@@ -129,7 +129,7 @@ impl Meter {
         self.operations.set(self.operations.get().saturating_add(operations));
     }
 
-    /// Counts a step of the script. Returns the limit that is exceeded, if there is one.
+    /// Counts a step of the script. Returns the first exceeded limit; `None` if no limit is exceeded.
     pub(super) fn step(&self) -> Option<Exceeded> {
         self.charge(1);
         if self.operations.get() > self.allowed.get() {
