@@ -20,6 +20,8 @@ pub fn schema() -> Value {
         .map(|device| {
             let section =
                 device.emulation.schema.map_or_else(open, |schema| section(read(schema), &mut definitions));
+            let has_slots = !device.emulation.option_interfaces.is_empty();
+            let section = if has_slots { with_cards(section) } else { section };
             first.get_or_insert_with(|| section.clone());
             of_kind(section, device.layout.name, true)
         })
@@ -77,8 +79,15 @@ fn of_folder() -> Value {
         "type": "object",
         "additionalProperties": false,
         "required": ["name", "kind"],
-        "properties": { "name": name(), "kind": path, "option": card(), "bus": bus() },
+        "properties": { "name": name(), "kind": path, "bus": bus() },
     })
+}
+
+/// Adds the option cards to the schema of a device with slots.
+fn with_cards(mut section: Value) -> Value {
+    section["properties"]["option"] =
+        json!({ "type": "array", "description": "Its option cards", "items": card() });
+    section
 }
 
 /// Schema of the bus at the port of a device in a folder.
@@ -86,18 +95,25 @@ fn bus() -> Value {
     json!({ "type": "string", "description": "Name of the CAN bus at the port of the device" })
 }
 
-/// Schema of the slot of an option card.
+/// Schema of an option card.
 fn card() -> Value {
     let number = |about: &str| json!({ "enum": [1, 2], "description": about });
-    let plc = json!({ "type": "string", "description": "Name of the PLC" });
+    let path = json!({
+        "type": "string",
+        "description": "Path of a folder with a device.toml, from the directory of the plant file; or its name in the search path",
+    });
+    let mut named = name();
+    named["description"] = "Its name, unique in the plant; left out: a name such as line-option1".into();
     json!({
         "type": "object",
-        "description": "Slot of the device as an option card of a PLC",
+        "description": "An option card of the PLC: a device in a folder",
         "additionalProperties": false,
-        "required": ["plc", "slot"],
+        "required": ["slot", "card"],
         "properties": {
-            "plc": plc,
             "slot": number("Number of the slot"),
+            "card": path,
+            "name": named,
+            "bus": bus(),
             "interface": {
                 "enum": [1, 2, 3],
                 "description": "Option interface with the registers of the card: 1 in slot 1; 2 (if left out) or 3 in slot 2",

@@ -243,6 +243,37 @@ fn federates_produce_the_same_journal_as_one_process() {
     assert!(expected.contains("lose_frame") && expected.contains("jitter_sync"), "{expected}");
 }
 
+/// A device in a folder and an option card belong to every federate.
+#[test]
+fn folders_and_option_cards_behave_the_same_in_each_federate() {
+    let Some(helics) = helics() else { return };
+    let directory = TempDir::new().unwrap();
+    let folder = |name: &str| format!("{}/tools/devices/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (encoder, io) = (folder("encoder"), folder("digital-io"));
+    let cards =
+        format!("[[plc.option]]\nslot = 1\ncard = '{encoder}'\n[[device]]\nkind = '{io}'\nname = 'io'\n");
+    // The option card belongs to the PLC `press`, after which its section is.
+    let plant = PLANT.replacen("[[bus]]", &format!("{cards}[[bus]]"), 1);
+    let plant = written(&directory, "plant.toml", &plant);
+    let cards = "poke(\"press:encoder1.di_SPEED\", 500);\npoke(\"press:encoder1.w_COMMAND\", 7);\n\
+                 wait(\"press:encoder1.w_COMMAND\", 6, \"3ms\");\npoke(\"io:data.w_OUT\", 5);\n";
+    let both = written(&directory, "both.rhai", &format!("{cards}{}", program("[\"line\", \"press\"]")));
+    let one = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    passes(at(&one, &both));
+    let expected = journal(&one);
+    let broker = Broker::start(&helics, 2);
+    let follows = broker.federate(&plant, "1/2", &["--follow"]);
+    let leads = broker.federate(&plant, "0/2", &[]);
+    passes(at(&leads, &both));
+    let position = |emulator: &Emulator| emulator.peek(&["press:encoder1.di_POSITION"]);
+    for federate in [&leads, &follows] {
+        assert!(eventually(|| journal(federate).lines().count() >= expected.lines().count()));
+        assert_eq!(journal(federate), expected);
+        assert_eq!(position(federate), position(&one));
+    }
+    assert!(expected.contains("press:option1") && expected.contains(" io "), "{expected}");
+}
+
 /// Two network namespaces that are connected by a cable are two hosts. The script ends with all its processes, because
 /// they have a separate process namespace.
 #[test]

@@ -9,10 +9,10 @@ use std::time::Duration;
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
 
 /// A directory with a copy of an example device, and with a plant that contains the device.
-struct Place(tempfile::TempDir);
+pub(crate) struct Place(tempfile::TempDir);
 
 impl Place {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         fs::create_dir_all(place.card()).unwrap();
         for entry in fs::read_dir(EXAMPLE).unwrap() {
@@ -29,11 +29,11 @@ impl Place {
         self.0.path().join("cards/digital-io")
     }
 
-    fn path(&self, name: &str) -> String {
+    pub(crate) fn path(&self, name: &str) -> String {
         self.0.path().join(name).display().to_string()
     }
 
-    fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         fs::write(self.0.path().join(name), text).unwrap();
     }
 
@@ -793,106 +793,6 @@ fn one_folder_serves_several_devices() {
     assert_eq!(fs::read_to_string(&devices).unwrap().lines().count(), 2);
     emulator.run("stop", &[]).ok();
     assert!(!devices.exists());
-}
-
-/// A PLC with the encoder in slot 1.
-fn place_with_encoder() -> Place {
-    let place = Place::new();
-    let encoder = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/encoder");
-    let option = "option = { plc = 'line', slot = 1 }";
-    let plant =
-        format!("[[plc]]\nname = 'line'\n[[device]]\nname = 'encoder'\nkind = '{encoder}'\n{option}\n");
-    place.write("plant.toml", &plant);
-    place
-}
-
-#[test]
-fn every_command_knows_the_registers_of_an_option_card() {
-    let place = place_with_encoder();
-    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
-    emulator.poke(&["line:encoder1.w_COMMAND=7"]);
-    emulator.step(&["5ms"]);
-    assert_eq!(emulator.peek(&["line:encoder1.w_COMMAND", "line:%MW3.1000000"]), "16#0006 16#0006");
-    assert_eq!(emulator.peek(&["line:node2.w_OPTION_STATUS"]), "16#0001");
-    assert!(emulator.run("dump", &["line:encoder1", "--full"]).ok().contains("%MD3.1000020"));
-    assert!(emulator.run("find", &["di_SYNC_LATCH"]).ok().contains("encoder1.di_SYNC_LATCH"));
-    assert!(emulator.run("trace", &[]).ok().contains("line:option1 "));
-    let list = run(&["list"]);
-    assert!(list.ok().contains("encoder"), "{}", list.out);
-    let snapshot = place.path("past.cmrm");
-    emulator.run("snapshot", &[&snapshot]).ok();
-    emulator.poke(&["line:encoder1.w_COMMAND=7"]);
-    emulator.run("restore", &[&snapshot]).ok();
-    assert_eq!(emulator.peek(&["line:encoder1.w_COMMAND"]), "16#0006");
-}
-
-/// The folders are only found by the paths that the instance publishes.
-#[test]
-fn the_map_and_the_exports_have_the_cards_of_a_plant() {
-    let place = place_with_encoder();
-    let line = format!("{}:line", place.path("plant.toml"));
-    let map = run(&["map", "encoder1.di_POSITION", "--device", &line]);
-    assert!(map.ok().contains("%MD3.1000020"), "{}", map.out);
-    for format in ["c", "python", "csv", "json", "md", "st", "svd", "systemrdl", "matiec"] {
-        let export = run(&["export", format, "--device", &line]);
-        assert!(export.ok().contains("di_POSITION") || format == "matiec", "{format}: {}", export.out);
-    }
-    let unknown = run(&["map", "--device", &line.replace(":line", ":other")]);
-    assert!(
-        unknown.fails(2).contains("has no device 'other'; its devices: line, encoder"),
-        "{}",
-        unknown.err
-    );
-}
-
-const CARD_CLIENT: &str = r#"
-#include "commram.h"
-int main(int argc, char **argv)
-{
-    commram ram;
-    commram_result result = argc == 2 ? commram_attach(&ram, argv[1], 1) : COMMRAM_NO_IMAGE;
-    if (result != COMMRAM_DONE) {
-        printf("%s\n", commram_text(result));
-        return 1;
-    }
-#ifdef CARD
-    COMMRAM_STORE(commram_encoder1(&ram)->w_COMMAND, 7);
-    commram_ring(&ram);
-    commram_await(&ram, &commram_encoder1(&ram)->w_COMMAND, 2, 0xFFFF, 6, 1000);
-    printf("%04X\n", (unsigned)COMMRAM_LOAD(commram_encoder1(&ram)->w_COMMAND));
-#else
-    printf("attached\n");
-#endif
-    commram_detach(&ram);
-    return 0;
-}
-"#;
-
-/// A program with the map of PLC and card exchanges data with the card; a program with the map of the PLC alone attaches; a
-/// program with the card does not attach to a PLC without it.
-#[test]
-fn c_programs_attach_to_a_plc_with_cards() {
-    let place = place_with_encoder();
-    place.write("client.c", CARD_CLIENT);
-    let line = format!("{}:line", place.path("plant.toml"));
-    let build = |device: &str, flag: &str| {
-        run(&["export", "c", "--device", device, "--output", &place.path("commram.h")]).ok();
-        let program = place.path(flag);
-        let client = place.path("client.c");
-        finish(Command::new("cc").args(["-std=c11", &format!("-D{flag}"), "-o", &program, &client])).ok();
-        program
-    };
-    let with_card = build(&line, "CARD");
-    let alone = build("omega-drive-line-2", "ALONE");
-    let emulator = Emulator::start(&[&place.path("plant.toml")]);
-    let image = format!("/dev/shm/commram.{}.line", emulator.name);
-    assert_eq!(finish(Command::new(&with_card).arg(&image)).ok(), "0006\n");
-    assert_eq!(finish(Command::new(&alone).arg(&image)).ok(), "attached\n");
-    let other = Emulator::start(&[]);
-    let image = format!("/dev/shm/commram.{}.line", other.name);
-    let refused = finish(Command::new(&with_card).arg(&image));
-    assert!(refused.code == Some(1) && refused.out.contains("register map"), "{}", refused.out);
-    assert_eq!(finish(Command::new(&alone).arg(&image)).ok(), "attached\n");
 }
 
 /// Macros and functions of the headers that `commram.h` includes, and words of C and C++.

@@ -39,6 +39,7 @@ mod names;
 mod novram;
 mod offline;
 mod one_answer;
+mod option_cards;
 mod options;
 mod other_users;
 mod pictures;

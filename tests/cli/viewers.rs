@@ -1,6 +1,7 @@
 //! `commram view` and `commram shell` as programs: without a terminal, and from a pipe.
 
 use crate::common::{Emulator, Outcome, finish, wait_for};
+use crate::option_cards::place_with_encoder;
 use std::fs::File;
 use std::io::{self, Read, Seek, Write};
 use std::process::{Child, Command, Stdio};
@@ -26,6 +27,11 @@ fn resize(terminal: &File, (ws_col, ws_row): (u16, u16)) {
 
 /// Starts a view like [`view`]. Without a separate error output, errors go to the terminal.
 fn view_with(emulator: &Emulator, has_error_output: bool) -> (File, Child) {
+    view_of(emulator, "node2.w_CPU_CONTROL", has_error_output)
+}
+
+/// Starts a view like [`view_with`], with another pinned register.
+fn view_of(emulator: &Emulator, register: &str, has_error_output: bool) -> (File, Child) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&terminal).unwrap();
@@ -34,12 +40,13 @@ fn view_with(emulator: &Emulator, has_error_output: bool) -> (File, Child) {
     let end = || File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap();
     let terminal = File::from(terminal);
     resize(&terminal, (80, 24));
-    let mut command = emulator.command("view", &["node2.w_CPU_CONTROL"]);
+    let mut command = emulator.command("view", &[register]);
     let errors = if has_error_output { Stdio::piped() } else { end().into() };
     let child = command.stdin(end()).stdout(end()).stderr(errors).spawn().unwrap();
     let mut terminal = terminal;
     let (mut shown, mut part) = (Vec::new(), [0; 4096]);
-    while !String::from_utf8_lossy(&shown).contains("w_CPU_CONTROL") {
+    let wanted = register.split_once('.').map_or(register, |(_, name)| name);
+    while !String::from_utf8_lossy(&shown).contains(wanted) {
         let len = terminal.read(&mut part).unwrap();
         shown.extend_from_slice(&part[..len]);
     }
@@ -58,6 +65,16 @@ fn a_view_ends_with_its_terminal_or_on_request() {
     let (terminal, mut left) = view(&emulator);
     drop(terminal);
     assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
+}
+
+/// The view pins a register of an option card.
+#[test]
+fn a_view_shows_the_registers_of_an_option_card() {
+    let place = place_with_encoder();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    let (mut terminal, mut quits) = view_of(&emulator, "line:encoder1.di_SYNC_LATCH", true);
+    terminal.write_all(b"q").unwrap();
+    assert_eq!(wait_for(&mut quits, "a view after q").code(), Some(0));
 }
 
 /// The error output of the view is the terminal, which is closed. So the view cannot write a message.

@@ -563,6 +563,24 @@ fn a_unit_runs_the_script_of_a_folder() {
     assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(7)));
 }
 
+/// A unit has the registers of an option card among those of its PLC.
+#[test]
+fn a_unit_runs_an_option_card() {
+    let card = Card::new("fn written(register, old, value) { output(\"card.w_COUNT\", value); }\n");
+    let place = tempfile::tempdir().unwrap();
+    let plant = place.path().join("plant.toml");
+    let section = format!("[[plc.option]]\nslot = 1\ncard = '{}'\n", card.dir().display());
+    fs::write(&plant, format!("[[plc]]\nname = 'line'\n{section}")).unwrap();
+    let names = vec!["line:card1.*".to_owned()];
+    let mut unit = Unit::new(&Resources::of_file(&plant, names).unwrap()).unwrap();
+    let at = |unit: &Unit, name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
+    let (data, count) = (at(&unit, "line:card1.w_DATA"), at(&unit, "line:card1.w_COUNT"));
+    unit.begin(0.0).unwrap();
+    unit.set(data, VariableType::U16, Value::Integer(7)).unwrap();
+    unit.step(0.0, 0.001).unwrap();
+    assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(7)));
+}
+
 /// Each bit of a toggle table has its time, which begins when the firmware sees the bit.
 #[test]
 fn each_toggled_bit_has_its_own_time() {
@@ -803,8 +821,7 @@ fn a_front_may_have_words_of_its_own() {
 /// trigger controller.
 fn with_option_card(card: &Card) -> Bench {
     let plant = format!(
-        "[[plc]]\nname = 'line'\n[[device]]\nname = 'card'\nkind = '{}'\n\
-         option = {{ plc = 'line', slot = 2, trigger = 2 }}\n",
+        "[[plc]]\nname = 'line'\n[[plc.option]]\nname = 'card'\ncard = '{}'\nslot = 2\ntrigger = 2\n",
         card.dir().display()
     );
     let mut bench = Bench::plant(&plant).unwrap();
@@ -875,9 +892,9 @@ fn trigger() { sync_pulse(); }
 fn with_two_cards(card: &Card) -> Bench {
     let section = |name: &str, place: &str| {
         let dir = card.dir().display();
-        format!("[[device]]\nname = '{name}'\nkind = '{dir}'\noption = {{ plc = 'line', {place} }}\n")
+        format!("[[plc.option]]\nname = '{name}'\ncard = '{dir}'\n{place}\n")
     };
-    let cards = section("one", "slot = 1") + &section("two", "slot = 2, interface = 3");
+    let cards = section("one", "slot = 1") + &section("two", "slot = 2\ninterface = 3");
     Bench::plant(&format!("[[plc]]\nname = 'line'\n{cards}")).unwrap()
 }
 
@@ -959,7 +976,7 @@ fn a_card_that_does_not_fit_into_its_interface_is_refused() {
         assert!(device.contains(from), "{from}");
         card.write("device.toml", &device.replace(from, to));
         let plant = format!(
-            "[[plc]]\nname = 'line'\n[[device]]\nname = 'card'\nkind = '{}'\noption = {{ plc = 'line', {option} }}\n",
+            "[[plc]]\nname = 'line'\n[[plc.option]]\nname = 'card'\n{option}\ncard = '{}'\n",
             card.dir().display()
         );
         PlantConfig::parse("p.toml", &plant).unwrap_err().to_string()
@@ -976,27 +993,64 @@ fn a_card_that_does_not_fit_into_its_interface_is_refused() {
     contains(words, "unit = \"byte\"");
     let far = refused("name = 'card', first = 0, page", "name = 'card', first = 262144, page", "slot = 2");
     contains(far, "has 262176 bytes, and option interface 2 has 262144");
-    let interface = refused("title", "title", "slot = 1, interface = 3");
+    let interface = refused("title", "title", "slot = 1\ninterface = 3");
     contains(interface, "slot 1 of 'line' has no option interface 3; use 1");
 }
 
 #[test]
 fn a_place_of_an_option_card_that_does_not_exist_is_refused() {
     let card = Card::new("fn trigger() { }");
-    let refused = |option: &str| {
-        let kind = card.dir().display();
-        let section =
-            |name: &str| format!("[[device]]\nname = '{name}'\nkind = '{kind}'\noption = {{ {option} }}\n");
-        let plant = format!("[[plc]]\nname = 'line'\n{}{}", section("card"), section("other"));
-        PlantConfig::parse("p.toml", &plant).unwrap_err().to_string()
+    let dir = card.dir().display().to_string();
+    let parse = |sections: &str| {
+        let plant = format!("[[plc]]\nname = 'line'\n{sections}");
+        PlantConfig::parse("p.toml", &plant).map_err(|error| error.to_string())
     };
+    let card = |keys: &str| format!("[[plc.option]]\ncard = '{dir}'\n{keys}\n");
+    let refused = |sections: &str| parse(sections).unwrap_err();
     let line = |line: usize, what: &str| format!("p.toml: line {line}: {what}");
-    let slot = "'card': 'line' has no slot 3 for option cards; use 1 to 2";
-    assert_eq!(refused("plc = 'line', slot = 3"), line(6, slot));
-    let plc = "'card': the plant has no device 'card' with slots for option cards; devices with slots: line";
-    assert_eq!(refused("plc = 'card', slot = 1"), line(6, plc));
-    let taken = "'other': slot 1 of 'line' already has the option card 'card'; use another slot";
-    assert_eq!(refused("plc = 'line', slot = 1"), line(10, taken));
-    let trigger = "option.trigger of 'card' is 3; it must be 1 or 2";
-    assert_eq!(refused("plc = 'line', slot = 1, trigger = 3"), line(6, trigger));
+    let slot = "'line-option3': 'line' has no slot 3 for option cards; number of its slots: 2";
+    assert_eq!(refused(&card("slot = 3")), line(5, slot));
+    let taken = |name| {
+        format!("'{name}': slot 1 of 'line' already has the option card 'line-option1'; use another slot")
+    };
+    let two = card("slot = 1");
+    assert_eq!(refused(&(two.clone() + &card("name = 'other'\nslot = 1"))), line(9, &taken("other")));
+    assert_eq!(refused(&(two.clone() + &two)), line(8, &taken("line-option1")));
+    let trigger = "trigger of 'line-option1' is 3; it must be 1 or 2";
+    assert_eq!(refused(&card("slot = 1\ntrigger = 3")), line(6, trigger));
+    let twice = "there are two PLCs named 'line'; names must be unique";
+    assert_eq!(refused(&card("slot = 1\nname = 'line'")), line(3, twice));
+    let keys = "unknown field `slots`; did you mean slot?; the keys of [[plc.option]] are: \
+                slot, card, name, interface, trigger, bus";
+    assert_eq!(refused(&card("slots = 1")), line(5, keys));
+    assert_eq!(refused("[[plc.option]]\nslot = 1\n"), line(3, "missing field `card`"));
+    assert_eq!(
+        refused("[plc.option]\nslot = 1\n"),
+        line(3, "[[plc.option]] begins a section; there can be several")
+    );
+    let unknown = refused("[[plc.option]]\nslot = 1\ncard = 'no-such-card'\n");
+    let kind = "there is no option card of kind 'no-such-card'; kinds are: ";
+    assert!(unknown.starts_with(&line(5, kind)) && unknown.ends_with("a path with a '/'"), "{unknown}");
+    // A device without slots has no such key, and names the others.
+    let other =
+        format!("[[device]]\nkind = 'cs0015'\nname = 'a'\n[[device.option]]\nslot = 1\ncard = '{dir}'\n");
+    assert!(
+        refused(&other).contains("unknown field `option`; the keys of [[device]] are: kind, "),
+        "{}",
+        refused(&other)
+    );
+    // The old form of the section.
+    let old = format!("[[device]]\nkind = '{dir}'\nname = 'a'\noption = {{ plc = 'line', slot = 1 }}\n");
+    let right = format!(
+        "an option card is a section of its PLC: write [[plc.option]] with slot = 1 and card = \"{dir}\" instead of this \
+         [[device]]"
+    );
+    assert_eq!(refused(&old), line(6, &right));
+    // A PLC as a [[device]] has cards, too.
+    let controller = "[[device]]\nkind = 'omega-drive-line-2'\nname = 'second'\n";
+    let plant = parse(&(controller.to_owned() + &card("slot = 2").replace("plc", "device"))).unwrap();
+    assert_eq!(
+        plant.devices.iter().map(|device| device.name()).collect::<Vec<_>>(),
+        ["line", "second", "second-option2"]
+    );
 }

@@ -65,7 +65,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ),
     ("commram test ", "it needs the user's scenarios; tests/cli/scenarios.rs runs those of the project"),
     (" ./cards/", "it needs the user's folder; tests/cli/folders.rs reads folders"),
-    (" line:encoder1", "it needs a PLC with an option card; tests/cli/folders.rs has one"),
+    (" line:encoder1", "it needs a PLC with an option card; tests/cli/option_cards.rs has one"),
     (" plant.toml:line", "it needs the user's plant; tests/cli/folders.rs exports a PLC with its cards"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),

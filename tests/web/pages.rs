@@ -39,6 +39,31 @@ fn pages_get_what_the_commands_print() {
     assert!(plot.status == 200 && plot.body.contains("<svg"), "{plot:?}");
 }
 
+/// The page has the registers of an option card among those of its PLC.
+#[test]
+fn pages_have_the_registers_of_an_option_card() {
+    let place = tempfile::tempdir().unwrap();
+    let plant = place.path().join("plant.toml");
+    let card = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/encoder");
+    let section = format!("[[plc.option]]\nslot = 1\ncard = '{card}'\n");
+    std::fs::write(&plant, format!("[[plc]]\nname = 'line'\n{section}")).unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    emulator.poke(&["line:encoder1.di_SPEED=1000"]);
+    emulator.step(&["20ms"]);
+    let server = Server::of(&emulator, &[]);
+    let show = |what: &str| server.get(&server.path(&format!("show/{what}"))).ok();
+    let names = ["line:encoder1.di_POSITION", "line:encoder1.w_STATUS"];
+    let shown = show(&format!("registers?name={}&name={}", names[0], names[1]));
+    assert_eq!(shown["registers"], command(&emulator, &["peek", names[0], names[1]]));
+    assert_ne!(shown["registers"][0]["value"], 0, "{shown}");
+    let map = show("map?full=1&plc=line")["entries"].to_string();
+    assert!(map.contains("encoder1.di_POSITION"), "{map}");
+    let found = show("find?text=sync%20latch")["entries"].clone();
+    assert_eq!(found, command(&emulator, &["find", "sync", "latch"]));
+    let boards = show("boards")["boards"].to_string();
+    assert!(boards.contains("line-option1"), "{boards}");
+}
+
 /// The buses of the plant have a running master after the demonstration's set-up.
 #[test]
 fn the_last_intervals_have_their_frames() {

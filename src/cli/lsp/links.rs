@@ -45,6 +45,8 @@ pub(super) fn of_table(document: &Document, kind: &TableKind, pages: &Pages) -> 
             (TableKind::Plant, "device.kind") => device_folder(directory, &value)
                 .and_then(|folder| Link::to_file(range.clone(), folder.join("device.toml")))
                 .or_else(|| to_page(range, pages.of_kind(&value))),
+            (TableKind::Plant, "plc.option.card" | "device.option.card") => device_folder(directory, &value)
+                .and_then(|folder| Link::to_file(range, folder.join("device.toml"))),
             (TableKind::Plant, "device.module.kind" | "bus.kind") => to_page(range, pages.of_kind(&value)),
             (TableKind::Plant, "fault.kind") => to_page(range, pages.of_fault(&value)),
             (TableKind::Layout(folder), "structures" | "area.structure.name") => {

@@ -15,6 +15,7 @@ const OF_PLANTS: &[Section] = &[
     ("plc", PLANT, ""),
     ("plc.drive", PLANT, "## The drive of a PLC"),
     ("plc.drive.monitoring", PLANT, "## Communication monitoring"),
+    ("plc.option", FOLDERS, "## Option cards"),
     ("device", PLANT, ""),
     ("device.module", pages::OF_MODULES, ""),
     ("device.option", FOLDERS, "## Option cards"),

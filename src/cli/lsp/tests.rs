@@ -406,7 +406,8 @@ fn plants_link_to_pages_and_to_folders_of_devices() {
     let directory = tempfile::tempdir().unwrap();
     copy_folder("mailbox", &directory.path().join("cards/mailbox"));
     let mut editor = Editor::new();
-    let text = "[[plc]] # first\nname = \"a\"\n [plc.drive]\n[[device]]\nkind = \"./cards/mailbox\"\n\
+    let text = "[[plc]] # first\nname = \"a\"\n [plc.drive]\n[[plc.option]]\ncard = './cards/mailbox'\n\
+                [[device]]\nkind = \"./cards/mailbox\"\n\
                 [[device]]\nkind = './cards/none'\n[[device]]\nkind = \"can-dp2\"\npage = \"12\"\n\
                 [[bus]]\nkind = \"can\"\n[[fault]]\nkind = \"slave_off\"\n[unknown]\n[[device]]\nkind = \"mail";
     editor.open(&directory.path().join("plant.toml"), text);
@@ -421,6 +422,8 @@ fn plants_link_to_pages_and_to_folders_of_devices() {
         "[[fault]] -> reference/faults.md".to_owned(),
         "[[device]] -> reference/plant.md".to_owned(),
         "./cards/mailbox -> mailbox/device.toml".to_owned(),
+        "./cards/mailbox -> mailbox/device.toml".to_owned(),
+        to_heading("[[plc.option]]", "reference/device-folders.md", "## Option cards"),
         "can-dp2 -> can-dp2/overview.md".to_owned(),
         "can -> reference/can.md".to_owned(),
         to_heading("slave_off", "reference/faults.md", "### `slave_off`"),
@@ -623,6 +626,8 @@ fn keys_and_values_of_plants_come_from_the_schema() {
         ("[[¦", "[[bus.drive]]"),
         ("[[fault]]\nkind = \"lose_frame\"\n¦", "slot"),
         ("[plc.drive.monitoring.sync]\nreaction = ¦", "\"quick_stop\""),
+        ("[[plc]]\nname = \"a\"\n[[plc.option]]\n¦", "interface"),
+        ("[[¦", "[[plc.option]]"),
     ] {
         let mut editor = Editor::new();
         editor.open(Path::new("/nonexistent/plant.toml"), text);

@@ -22,6 +22,7 @@ use core::fmt;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use toml::Spanned;
 use toml::de::{Error, ValueDeserializer};
 
 /// A device of a folder in the plant file.
@@ -32,7 +33,7 @@ pub(crate) struct FolderConfig {
     pub(super) dir: PathBuf,
     /// Layout of the image: all registers, or the front panel of a card in a slot.
     layout: &'static DeviceLayout,
-    card: Option<CardSection>,
+    slot: Option<Slot>,
     /// Name of the bus at the port.
     bus: Option<String>,
 }
@@ -43,19 +44,31 @@ pub(crate) struct FolderConfig {
 #[serde(expecting = "a device in a folder: a table with its settings")]
 struct Section {
     name: String,
-    option: Option<CardSection>,
+    bus: Option<String>,
+}
+
+/// Keys of the section of an option card in the plant file, `[[plc.option]]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[serde(expecting = "an option card: a table with slot and card")]
+pub(crate) struct OptionSection {
+    slot: u8,
+    /// Path of the folder, or its name in the search path.
+    pub(crate) card: Spanned<String>,
+    name: Option<String>,
+    interface: Option<u8>,
+    #[serde(default = "default_trigger")]
+    trigger: u8,
     bus: Option<String>,
 }
 
 /// The slot of an option card.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "the slot of an option card: a table with plc and slot")]
-struct CardSection {
-    plc: String,
-    slot: u8,
+#[derive(Clone)]
+struct Slot {
+    /// Name of the device with the slot.
+    controller: String,
+    number: u8,
     interface: Option<u8>,
-    #[serde(default = "default_trigger")]
     trigger: u8,
 }
 
@@ -71,9 +84,22 @@ impl FolderConfig {
         dir: PathBuf,
         section: ValueDeserializer<'_>,
     ) -> Result<Arc<dyn DeviceConfig>, Error> {
-        let Section { name, option: card, bus } = Section::deserialize(section)?;
+        let Section { name, bus } = Section::deserialize(section)?;
         let layout = folder.registered.layout;
-        Ok(Arc::new(FolderConfig { name, folder, dir, layout, card, bus }))
+        Ok(Arc::new(FolderConfig { name, folder, dir, layout, slot: None, bus }))
+    }
+
+    /// Returns the device in `dir` as an option card of `controller`. `folder` is what was read from this folder.
+    pub(crate) fn card(
+        folder: &'static Folder,
+        dir: PathBuf,
+        controller: String,
+        section: OptionSection,
+    ) -> Arc<dyn DeviceConfig> {
+        let OptionSection { slot: number, card: _, name, interface, trigger, bus } = section;
+        let name = name.unwrap_or_else(|| format!("{controller}-option{number}"));
+        let slot = Some(Slot { controller, number, interface, trigger });
+        Arc::new(FolderConfig { name, folder, dir, layout: folder.registered.layout, slot, bus })
     }
 }
 
@@ -89,11 +115,11 @@ impl FolderConfig {
 /// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not change it.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, folder, dir: _, layout: _, card, bus } = self;
+        let Self { name, folder, dir: _, layout: _, slot, bus } = self;
         let mut settings = f.debug_struct(folder.registered.layout.name);
         settings.field("name", name).field("files", &folder.fingerprint);
-        if let Some(CardSection { plc, slot, interface, trigger }) = card {
-            settings.field("option", &(plc, slot, trigger));
+        if let Some(Slot { controller, number, interface, trigger }) = slot {
+            settings.field("option", &(controller, number, trigger));
             if let Some(interface) = interface {
                 settings.field("interface", interface);
             }
@@ -127,17 +153,17 @@ impl DeviceConfig for FolderConfig {
             );
             return Err(BuildError::own(&self.name, "bus", reason));
         }
-        let Some(card) = &self.card else { return Ok(()) };
-        range("option.trigger", &self.name, card.trigger.into(), 1..=2, "1 or 2")?;
+        let Some(slot) = &self.slot else { return Ok(()) };
+        range("trigger", &self.name, slot.trigger.into(), 1..=2, "1 or 2")?;
         if self.folder.script.is_none() {
             let dir = self.dir.display();
             let reason =
                 format!("'{}' is no option card: {dir} has no firmware.rhai, which serves pulses", self.name);
-            return Err(BuildError::own(&self.name, "option", reason));
+            return Err(BuildError::own(&self.name, "card", reason));
         }
         if phase::overlaid(self.folder.registered.layout).next().is_some() {
             let reason = format!("'{}' is no option card: its structures overlay each other", self.name);
-            return Err(BuildError::own(&self.name, "option", reason));
+            return Err(BuildError::own(&self.name, "card", reason));
         }
         Ok(())
     }
@@ -147,8 +173,8 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn card_place(&self) -> Option<CardPlace<'_>> {
-        let CardSection { plc, slot, interface, trigger } = self.card.as_ref()?;
-        Some(CardPlace { controller: plc, slot: *slot, interface: *interface, trigger: *trigger })
+        let Slot { controller, number, interface, trigger } = self.slot.as_ref()?;
+        Some(CardPlace { controller, slot: *number, interface: *interface, trigger: *trigger })
     }
 
     fn folder(&self) -> Option<&Path> {

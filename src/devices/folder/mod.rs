@@ -29,7 +29,7 @@ mod state_word;
 mod tables;
 mod texts;
 
-pub(crate) use config::FolderConfig;
+pub(crate) use config::{FolderConfig, OptionSection};
 pub use error::FolderError;
 pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
 #[cfg(feature = "cli")]

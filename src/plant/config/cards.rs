@@ -30,7 +30,7 @@ fn interface_of(
 
 /// Returns the error of a card that does not fit into the memory of its controller.
 fn refused(card: &str, reason: &str) -> PlantError {
-    BuildError::own(card, "option", format!("'{card}': {reason}")).into()
+    BuildError::own(card, "card", format!("'{card}': {reason}")).into()
 }
 
 impl PlantConfig {
@@ -75,7 +75,7 @@ impl PlantConfig {
             };
             let interface = interface_of(controller, &place).map_err(|reason| {
                 let name = device.name();
-                BuildError::own(name, "option.interface", format!("'{name}': {reason}"))
+                BuildError::own(name, "interface", format!("'{name}': {reason}"))
             })?;
             let Some(interface) = interface else { continue };
             if cards.iter().all(|(other, _)| *other != interface) {

@@ -22,6 +22,7 @@ impl PlantConfig {
                 return Err(PlantError::TooMany { what, count });
             }
         }
+        self.check_cards()?;
         check_names("PLC", self.devices.iter().map(|device| device.name()))?;
         check_names("bus", self.buses.iter().map(|bus| bus.name()))?;
         let participants = self.buses.iter().flat_map(|bus| bus.participants());
@@ -31,7 +32,6 @@ impl PlantConfig {
             device.check()?;
             self.check_ports(&**device, &buses)?;
         }
-        self.check_cards()?;
         for bus in &self.buses {
             bus.check()?;
             for door in bus.doors() {
@@ -77,29 +77,17 @@ impl PlantConfig {
         for device in &self.devices {
             let Some(CardPlace { controller, slot, .. }) = device.card_place() else { continue };
             let name = device.name();
-            let refused = |at: &str, reason: String| Err(BuildError::own(name, at, reason).into());
-            let slots = |name| self.device(name).map_or(0, |device| device.card_slots());
-            let with_slots: Vec<_> =
-                self.devices.iter().map(|device| device.name()).filter(|name| slots(name) > 0).collect();
-            if slots(controller) == 0 {
-                let known = if with_slots.is_empty() { "none".to_owned() } else { with_slots.join(", ") };
-                let reason = format!(
-                    "'{name}': the plant has no device '{controller}' with slots for option cards; devices with slots: \
-                     {known}"
-                );
-                return refused("option.plc", reason);
-            }
-            if !(1..=slots(controller)).contains(&slot) {
-                let most = slots(controller);
-                let reason =
-                    format!("'{name}': '{controller}' has no slot {slot} for option cards; use 1 to {most}");
-                return refused("option.slot", reason);
+            let refused = |reason: String| Err(BuildError::own(name, "slot", reason).into());
+            let slots = self.device(controller).map_or(0, |device| device.card_slots());
+            if !(1..=slots).contains(&slot) {
+                return refused(format!(
+                    "'{name}': '{controller}' has no slot {slot} for option cards; number of its slots: {slots}"
+                ));
             }
             if let Some(other) = taken.insert((controller, slot), name) {
-                let reason = format!(
+                return refused(format!(
                     "'{name}': slot {slot} of '{controller}' already has the option card '{other}'; use another slot"
-                );
-                return refused("option.slot", reason);
+                ));
             }
         }
         Ok(())

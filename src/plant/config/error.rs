@@ -82,7 +82,7 @@ pub enum PlantError {
         file: String,
         /// Line of the key `kind` in the plant file, from 1.
         line: usize,
-        /// Object that the section describes: "device" or "bus".
+        /// Object that the section describes: "device", "bus" or "option card".
         what: &'static str,
         /// Kind that the section names.
         kind: String,

@@ -4,8 +4,8 @@
 use super::folders::Folders;
 use super::keys::{self, Section};
 use super::{PlantConfig, PlantError};
-use crate::devices::folder::{self, FolderConfig};
-use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig, Read};
+use crate::devices::folder::{self, FolderConfig, OptionSection};
+use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -48,9 +48,9 @@ pub(super) struct Source<'a> {
 pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
-    let plcs = source.sections(table.get_mut(), "plc")?;
-    let others = source.sections(table.get_mut(), "device")?;
-    let buses = source.sections(table.get_mut(), "bus")?;
+    let plcs = source.sections(table.get_mut(), "plc", "plc")?;
+    let others = source.sections(table.get_mut(), "device", "device")?;
+    let buses = source.sections(table.get_mut(), "bus", "bus")?;
     let section = Section { name: "", before: &[], keys: Vec::new() };
     let rest =
         Rest::deserialize(Deserializer::from(table)).map_err(|error| source.wrong(&error, &section))?;
@@ -58,25 +58,39 @@ pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, 
     let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
     let kinds: Vec<_> = devices::all()
         .iter()
-        .filter_map(|device| Some((device.layout.name, device.emulation.read?)))
+        .filter_map(|device| {
+            let has_slots = !device.emulation.option_interfaces.is_empty();
+            Some((device.layout.name, (device.emulation.read?, has_slots)))
+        })
         .collect();
-    for section in plcs {
-        devices.push(source.read("plc", section, kinds[0].1)?);
+    let mut cards = Vec::new();
+    for mut section in plcs {
+        cards.extend(source.option_cards("plc.option", &mut section)?);
+        devices.push(source.read("plc", &["option"], section, kinds[0].1.0)?);
     }
     let mut folders = Folders::new(source, base);
     for mut section in others {
         if let Some((folder, dir)) = folders.of(&mut section)? {
-            devices.push(source.read("device", section, |section| FolderConfig::read(folder, dir, section))?);
+            let read = |section: ValueDeserializer<'_>| FolderConfig::read(folder, dir, section);
+            devices.push(source.read("device", &["kind"], section, read)?);
             continue;
         }
-        let (section, read) = source.of_kind(section, "device", None, &kinds)?;
-        devices.push(source.read("device", section, read)?);
+        let (mut section, (read, has_slots)) = source.of_kind(section, "device", None, &kinds)?;
+        let before: &[_] = if has_slots { &["kind", "option"] } else { &["kind"] };
+        if has_slots {
+            cards.extend(source.option_cards("device.option", &mut section)?);
+        }
+        devices.push(source.read("device", before, section, read)?);
+    }
+    for (controller, section) in cards {
+        let (folder, dir) = folders.of_card(&section.card)?;
+        devices.push(FolderConfig::card(folder, dir, controller, section));
     }
     let mut read_buses: Vec<Arc<dyn BusSection>> = Vec::with_capacity(buses.len());
     let kinds: Vec<_> = BUS_KINDS.iter().map(|bus| (bus.name, bus.read)).collect();
     for section in buses {
         let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;
-        read_buses.push(source.read("bus", section, read)?);
+        read_buses.push(source.read("bus", &["kind"], section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
     let text = folders.absolute(text).into();
@@ -144,9 +158,14 @@ impl Source<'_> {
         line_of(self.text, offset)
     }
 
-    /// Takes all sections `[[name]]` out of the file.
-    fn sections<'t>(&self, table: &mut DeTable<'t>, name: &'static str) -> Result<DeArray<'t>, PlantError> {
-        let Some(value) = table.remove(name) else { return Ok(DeArray::new()) };
+    /// Takes all sections `[[name]]` out of the file. `key` is their key in `table`.
+    fn sections<'t>(
+        &self,
+        table: &mut DeTable<'t>,
+        key: &str,
+        name: &'static str,
+    ) -> Result<DeArray<'t>, PlantError> {
+        let Some(value) = table.remove(key) else { return Ok(DeArray::new()) };
         let place = value.span().start;
         match value.into_inner() {
             DeValue::Array(sections) => Ok(sections),
@@ -154,14 +173,28 @@ impl Source<'_> {
         }
     }
 
+    /// Takes the option cards, sections `[[name]]`, out of the section of their controller. Returns each card with the name
+    /// of the controller.
+    fn option_cards(
+        &self,
+        name: &'static str,
+        section: &mut Spanned<DeValue<'_>>,
+    ) -> Result<Vec<(String, OptionSection)>, PlantError> {
+        let DeValue::Table(table) = section.get_mut() else { return Ok(Vec::new()) };
+        let cards = self.sections(table, "option", name)?;
+        let controller = table.get("name").and_then(|name| name.get_ref().as_str()).unwrap_or_default();
+        let read = |section: ValueDeserializer<'_>| OptionSection::deserialize(section);
+        cards.into_iter().map(|card| Ok((controller.to_owned(), self.read(name, &[], card, read)?))).collect()
+    }
+
     /// Removes the key `kind` from a section and finds the reader for the other keys.
-    fn of_kind<'t, T: ?Sized>(
+    fn of_kind<'t, R: Copy>(
         &self,
         mut section: Spanned<DeValue<'t>>,
         what: &'static str,
         default: Option<&str>,
-        kinds: &[(&'static str, Read<T>)],
-    ) -> Result<(Spanned<DeValue<'t>>, Read<T>), PlantError> {
+        kinds: &[(&'static str, R)],
+    ) -> Result<(Spanned<DeValue<'t>>, R), PlantError> {
         let given = match section.get_mut() {
             DeValue::Table(table) => table.remove("kind"),
             _ => None,
@@ -181,18 +214,18 @@ impl Source<'_> {
         }
     }
 
-    fn read<T: ?Sized>(
+    /// Reads a section. `before` are its keys that were removed before.
+    fn read<T>(
         &self,
         name: &'static str,
+        before: &'static [&'static str],
         section: Spanned<DeValue<'_>>,
-        read: impl FnOnce(ValueDeserializer<'_>) -> Result<Arc<T>, Error>,
-    ) -> Result<Arc<T>, PlantError> {
+        read: impl FnOnce(ValueDeserializer<'_>) -> Result<T, Error>,
+    ) -> Result<T, PlantError> {
         let keys = match section.get_ref() {
             DeValue::Table(table) => table.keys().map(Spanned::span).collect(),
             _ => Vec::new(),
         };
-        // A PLC has no `kind`. In all other sections `of_kind` has removed this key.
-        let before: &[_] = if name == "plc" { &[] } else { &["kind"] };
         let section_keys = Section { name, before, keys };
         read(ValueDeserializer::from(section)).map_err(|error| self.wrong(&error, &section_keys))
     }

@@ -47,11 +47,45 @@ impl<'a> Folders<'a> {
         let Some(path) = table.get("kind").and_then(path) else { return Ok(None) };
         let Some(kind) = table.remove("kind") else { return Ok(None) };
         let Source { file, text } = self.source;
-        let refused = |source| PlantError::Folder {
-            file: file.to_owned(),
-            line: line_of(text, kind.span().start),
-            source,
-        };
+        if let Some(option) = table.get("option") {
+            let card = toml::Value::String(kind.get_ref().as_str().unwrap_or_default().to_owned());
+            return Err(PlantError::Syntax {
+                file: file.to_owned(),
+                line: Some(line_of(text, option.span().start)),
+                what: format!(
+                    "an option card is a section of its PLC: write [[plc.option]] with slot = 1 and card = {card} \
+                     instead of this [[device]]"
+                ),
+            });
+        }
+        self.find(&path, kind.span()).map(Some)
+    }
+
+    /// Returns the folder of an option card.
+    ///
+    /// # Errors
+    /// [`PlantError::Folder`] or [`PlantError::Kind`] with the line of the path.
+    pub(super) fn of_card(
+        &mut self,
+        card: &Spanned<String>,
+    ) -> Result<(&'static Folder, PathBuf), PlantError> {
+        let kind = card.get_ref();
+        let path = if folder::is_path(kind) { Some(PathBuf::from(kind)) } else { folder::search(kind) };
+        if let Some(path) = path {
+            return self.find(&path, card.span());
+        }
+        let Source { file, text } = self.source;
+        let known = folder::names_in_search_path();
+        let known = known.into_iter().chain(["a path with a '/'".to_owned()]).collect::<Vec<_>>().join(", ");
+        let line = line_of(text, card.span().start);
+        Err(PlantError::Kind { file: file.to_owned(), line, what: "option card", kind: kind.clone(), known })
+    }
+
+    /// Returns the folder at `path`, which is at `place` in the text.
+    fn find(&mut self, path: &Path, place: Range<usize>) -> Result<(&'static Folder, PathBuf), PlantError> {
+        let Source { file, text } = self.source;
+        let refused =
+            |source| PlantError::Folder { file: file.to_owned(), line: line_of(text, place.start), source };
         let path = path.to_string_lossy();
         let dir = folder::find(self.base, &path).map_err(refused)?;
         let known = match self.read.get(&dir) {
@@ -63,8 +97,8 @@ impl<'a> Folders<'a> {
             }
         };
         let absolute = toml::Value::String(dir.display().to_string()).to_string();
-        self.places.push((kind.span(), absolute));
-        Ok(Some((known, dir)))
+        self.places.push((place, absolute));
+        Ok((known, dir))
     }
 
     /// Returns the text of the plant file with absolute paths, so that it means the same plant in any working

@@ -23,6 +23,7 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
             named(root, name).last().map(|it| inside(it, at))
         }
         PlantError::Name { name, .. } => named(root, name).last(),
+        PlantError::Duplicate { what: "PLC", name } => devices_named(root, name).last(),
         PlantError::Duplicate { what, name } => {
             sections_of(root, what).filter(|it| is_named(it, name)).last()
         }
@@ -128,7 +129,7 @@ fn plugged_at<'a, 't>(
     device: &str,
     bus: &str,
 ) -> impl Iterator<Item = (&'a DeValue<'t>, &'a Value<'t>)> {
-    let devices = sections_of(root, "PLC").filter(move |section| is_named(section, device));
+    let devices = devices_named(root, device);
     let sections =
         devices.flat_map(|section| [section].into_iter().chain(below(section.get_ref(), "module")));
     let keys = sections
@@ -149,6 +150,9 @@ fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item 
         arrays.iter().filter_map(|name| root.get(*name)).flat_map(|value| elements(value.get_ref()));
     let sections: Vec<_> = match what {
         "drive" => sections.flat_map(|bus| below(bus.get_ref(), "drive")).collect(),
+        "PLC" => sections
+            .flat_map(|device| [device].into_iter().chain(below(device.get_ref(), "option")))
+            .collect(),
         _ => sections.collect(),
     };
     sections.into_iter()
@@ -156,7 +160,24 @@ fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item 
 
 /// Returns all sections with this name.
 fn named<'a, 't>(root: &'a DeTable<'t>, name: &str) -> impl Iterator<Item = &'a Value<'t>> {
-    all_sections(root).filter(move |section| is_named(section, name))
+    let others = ["bus", "drive"].into_iter().flat_map(|what| sections_of(root, what));
+    devices_named(root, name).chain(others.filter(move |section| is_named(section, name)))
+}
+
+/// Returns all sections of devices with this name. An option card without the key `name` has a name such as
+/// `line-option1`.
+fn devices_named<'a, 't>(root: &'a DeTable<'t>, name: &str) -> impl Iterator<Item = &'a Value<'t>> {
+    let place = name.rsplit_once("-option").and_then(|(plc, slot)| Some((plc, slot.parse::<u64>().ok()?)));
+    let is_card = |card: &Value<'t>, slot| {
+        text_at(card, "name").is_none() && card.get_ref().get("slot").and_then(integer) == Some(slot)
+    };
+    let of_controller = move |(plc, slot)| {
+        let controllers = sections_of(root, "PLC").filter(move |section| is_named(section, plc));
+        let cards = controllers.flat_map(|section| below(section.get_ref(), "option"));
+        cards.filter(move |card| is_card(card, slot))
+    };
+    let named = sections_of(root, "PLC").filter(move |section| is_named(section, name));
+    named.chain(place.into_iter().flat_map(of_controller))
 }
 
 /// Returns all sections that can have a name.

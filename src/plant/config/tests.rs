@@ -111,7 +111,7 @@ fn each_mistake_is_named() {
         ),
         (
             format!("{plc}[[device]]\nkind = '{kind}'\nname = 'd'\ncolour = 1\n"),
-            "test.toml: line 6: unknown field `colour`; the keys of [[device]] are: kind, name, ",
+            "test.toml: line 6: unknown field `colour`; the keys of [[device]] are: kind, option, name, ",
         ),
         (format!("{plc}[[device]]\nkind = '{kind}'\nname = 'p'\n"), "there are two PLCs named 'p'"),
         (format!("bus = 1\n{plc}"), "test.toml: line 1: [[bus]]"),
@@ -222,13 +222,13 @@ fn settings_of_a_folder_are_its_files_and_the_given_keys_alone() {
     devices::samples::copy_folder("encoder", folder.path());
     let settings = |keys: &str| {
         let kind = folder.path().display();
-        let plant = format!("[[device]]\nname = \"a\"\nkind = \"{kind}\"\n{keys}[[plc]]\nname = \"b\"\n");
+        let plant = format!("[[plc]]\nname = \"b\"\n[[{keys} = \"{kind}\"\nname = \"a\"\n");
         let config = PlantConfig::parse("plant", &plant).unwrap();
         format!("{:?}", config.devices.iter().find(|device| device.name() == "a").unwrap())
     };
-    let alone = settings("");
+    let alone = settings("device]]\nkind");
     let files = alone.strip_prefix("encoder { name: \"a\", files: ").and_then(|rest| rest.strip_suffix(" }"));
     let files: u64 = files.unwrap_or_else(|| panic!("{alone}")).parse().unwrap();
-    let card = settings("option = { plc = \"b\", slot = 2 }\n");
+    let card = settings("plc.option]]\nslot = 2\ncard");
     assert_eq!(card, format!("encoder {{ name: \"a\", files: {files}, option: (\"b\", 2, 1) }}"));
 }
