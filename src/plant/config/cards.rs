@@ -40,8 +40,12 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`]: a card does not fit into the memory of its controller.
     pub(super) fn place_cards(&mut self) -> Result<(), PlantError> {
+        let all_cards = self.cards();
+        if all_cards.is_empty() {
+            return Ok(());
+        }
         for at in 0..self.devices.len() {
-            let cards = self.cards_of(&*self.devices[at])?;
+            let cards = self.cards_of(&*self.devices[at], &all_cards)?;
             if cards.is_empty() {
                 continue;
             }
@@ -65,10 +69,22 @@ impl PlantConfig {
         Ok(())
     }
 
-    /// Returns the cards of a controller in the order of their interfaces, each with its index. An interface has one card.
-    fn cards_of(&self, controller: &dyn DeviceConfig) -> Result<Vec<(OptionInterface, usize)>, PlantError> {
+    /// Returns the indices of all option cards. A large plant has thousands of controllers, and few cards or none.
+    fn cards(&self) -> Vec<usize> {
+        let devices = self.devices.iter().enumerate();
+        devices.filter(|(_, device)| device.card_place().is_some()).map(|(index, _)| index).collect()
+    }
+
+    /// Returns the cards of a controller, out of all cards of the plant, in the order of their interfaces. Each has its
+    /// index in the plant. An interface has one card.
+    fn cards_of(
+        &self,
+        controller: &dyn DeviceConfig,
+        all_cards: &[usize],
+    ) -> Result<Vec<(OptionInterface, usize)>, PlantError> {
         let mut cards: Vec<(OptionInterface, usize)> = Vec::new();
-        for (index, device) in self.devices.iter().enumerate() {
+        for &index in all_cards {
+            let device = &self.devices[index];
             let Some(place) = device.card_place().filter(|place| place.controller == controller.name())
             else {
                 continue;
@@ -100,8 +116,9 @@ impl PlantConfig {
 
     /// Returns a line for each controller with registers of option cards, for clients of the instance.
     pub(crate) fn lines_of_controllers(&self) -> Vec<String> {
+        let all_cards = self.cards();
         let line = |controller: &dyn DeviceConfig| {
-            let cards = self.cards_of(controller).ok()?;
+            let cards = self.cards_of(controller, &all_cards).ok()?;
             let folders = cards
                 .iter()
                 .filter_map(|(interface, card)| Some((interface.number, self.devices[*card].folder()?)));
