@@ -148,12 +148,16 @@ struct CanDp2Blocks;
 #[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
 
-/// Settings of the library's property tests. Inputs of earlier failures are kept below `tests/`, and not next to the
-/// sources.
+/// Settings of the library's property tests. Each draws 64 cases, or the number in the environment variable
+/// `PROPTEST_CASES`; `tools/nightly cases` draws more. Inputs of earlier failures are kept below `tests/`, and not next to
+/// the sources.
 #[cfg(test)]
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
     let mut config = Config::default();
+    if std::env::var_os("PROPTEST_CASES").is_none() {
+        config.cases = 64;
+    }
     // The environment can disable the storage of failures, so only an existing setting is replaced.
     config.failure_persistence = config.failure_persistence.map(|_| -> Box<dyn FailurePersistence> {
         Box::new(FileFailurePersistence::SourceParallel("tests/proptest-regressions/src"))
