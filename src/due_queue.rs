@@ -4,10 +4,14 @@
 /// Entry of a participant that has no event.
 pub(crate) const NEVER: u64 = u64::MAX;
 
-/// Times of several participants, as a tree. Each node has the earlier time of its two children. The root is at index
-/// 1.
+/// Number of participants in a group. A group is searched in order, because that takes less time than a tree of this size.
+const GROUP: usize = 8;
+
+/// Times of several participants, in groups, and the earliest times of the groups as a tree. Each node has the earlier
+/// time of its two children. The root is at index 1.
 pub(crate) struct DueQueue {
-    /// Number of leaves; a power of two.
+    groups: Vec<[u64; GROUP]>,
+    /// Number of leaves of the tree, one for each group; a power of two.
     size: usize,
     times: Vec<u64>,
 }
@@ -15,33 +19,35 @@ pub(crate) struct DueQueue {
 impl DueQueue {
     /// Creates a queue of `count` participants without events.
     pub(crate) fn of(count: usize) -> Self {
-        let size = count.max(1).next_power_of_two();
-        DueQueue { size, times: vec![NEVER; 2 * size] }
+        let size = count.div_ceil(GROUP).max(1).next_power_of_two();
+        DueQueue { groups: vec![[NEVER; GROUP]; size], size, times: vec![NEVER; 2 * size] }
     }
 
     /// Makes room for `count` participants.
     pub(crate) fn grow(&mut self, count: usize) {
-        if count <= self.size {
+        if count <= self.size * GROUP {
             return;
         }
         let old = core::mem::replace(self, DueQueue::of(count));
-        for participant in 0..old.size {
-            self.set(participant, old.times[old.size + participant]);
+        for (participant, time) in old.groups.iter().flatten().enumerate() {
+            self.set(participant, *time);
         }
     }
 
     /// Sets the next time of participant `participant`.
     #[inline]
     pub(crate) fn set(&mut self, participant: usize, time: u64) {
-        let mut node = self.size + participant;
-        self.times[node] = time;
-        while node > 1 {
-            let earlier = self.times[node].min(self.times[node ^ 1]);
-            node /= 2;
-            if self.times[node] == earlier {
+        let group = &mut self.groups[participant / GROUP];
+        group[participant % GROUP] = time;
+        let mut earlier = group.iter().copied().fold(NEVER, u64::min);
+        let mut node = self.size + participant / GROUP;
+        while self.times[node] != earlier {
+            self.times[node] = earlier;
+            if node == 1 {
                 return;
             }
-            self.times[node] = earlier;
+            earlier = earlier.min(self.times[node ^ 1]);
+            node /= 2;
         }
     }
 
@@ -54,7 +60,10 @@ impl DueQueue {
     /// Returns the earliest time of all participants except `participant`.
     #[inline]
     pub(crate) fn first_besides(&self, participant: usize) -> u64 {
-        let (mut node, mut first) = (self.size + participant, NEVER);
+        let mut group = self.groups[participant / GROUP];
+        group[participant % GROUP] = NEVER;
+        let mut first = group.into_iter().fold(NEVER, u64::min);
+        let mut node = self.size + participant / GROUP;
         while node > 1 {
             first = first.min(self.times[node ^ 1]);
             node /= 2;
@@ -65,10 +74,27 @@ impl DueQueue {
     /// Returns the first participant from `from` on with a time of at most `now`.
     #[inline]
     pub(crate) fn due(&self, from: usize, now: u64) -> Option<usize> {
+        let (group, place) = (from / GROUP, from % GROUP);
+        let in_group = |group: usize, place: usize| {
+            let found = self.groups[group][place..].iter().position(|time| *time <= now);
+            found.map(|found| group * GROUP + place + found)
+        };
+        if place == 0 {
+            return in_group(self.group_due(group, now)?, 0);
+        }
+        if group >= self.size {
+            return None;
+        }
+        in_group(group, place).or_else(|| in_group(self.group_due(group + 1, now)?, 0))
+    }
+
+    /// Returns the first group from `from` on with a time of at most `now`.
+    #[inline]
+    fn group_due(&self, from: usize, now: u64) -> Option<usize> {
         if from >= self.size {
             return None;
         }
-        // A search over all participants starts at the root.
+        // A search over all groups starts at the root.
         let mut node = if from == 0 { 1 } else { self.size + from };
         while self.times[node] > now {
             // Goes to the next subtree on the right. After the last subtree, the search ends.

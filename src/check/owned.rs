@@ -4,8 +4,10 @@ use super::{rules, word};
 use crate::identity::DeviceIndex;
 use crate::journal::{Finding, Journal};
 use crate::layout::{Area, DeviceFit, DeviceLayout, Owner, RegisterPhase, RegisterRef};
-use crate::memory::{Cell64, MemoryError, Segment, View};
+use crate::memory::{Block, Cell64, MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
+
+use core::slice;
 
 const WORD: u32 = word::WORD as u32;
 
@@ -28,33 +30,55 @@ fn mask(register: &RegisterRef) -> u64 {
     word::mask(register.offset(), register.width())
 }
 
-/// A word with registers that only the firmware writes, and its baseline.
-struct Word {
-    offset: u32,
-    now: View<Cell64>,
-    /// Value of the word after the last check.
-    left: u64,
+/// Consecutive words with registers that only the firmware writes, and their baseline.
+struct Run {
+    /// Offset of the first word.
+    first: u32,
+    now: View<[Cell64; Block::WORDS]>,
+    /// Values of the words after the last check.
+    left: Block,
     /// Mask of the bits that are compared.
-    watched: u64,
+    watched: Block,
+}
+
+impl Run {
+    /// Returns the index of the word that contains this offset; `None` if the word is in another run.
+    fn index_of(&self, offset: u32) -> Option<usize> {
+        let index = (offset.checked_sub(self.first)? / WORD) as usize;
+        (index < Block::WORDS).then_some(index)
+    }
+
+    /// Returns the words that contain a watched register: their values after the last check, their present values, and
+    /// the bits that are compared.
+    fn words(&mut self) -> impl Iterator<Item = (&mut u64, &Cell64, u64)> {
+        let words = self.left.words_mut().iter_mut().zip(self.now.iter()).zip(self.watched.words());
+        words.filter(|(_, watched)| **watched != 0).map(|((left, now), watched)| (left, now, *watched))
+    }
 }
 
 /// The watch over registers that only the firmware writes.
 pub(crate) struct OwnedWatch {
     plc: DeviceIndex,
     registers: Box<[RegisterRef]>,
-    words: Box<[Word]>,
+    runs: Box<[Run]>,
 }
 
 impl SnapshotFields for OwnedWatch {
     fn save(&self, to: &mut Saving) {
-        let Self { plc: _, registers: _, words } = self;
-        to.sparse(words.iter().map(|word| (word.left ^ word.now.load()) & word.watched));
+        let Self { plc: _, registers: _, runs } = self;
+        let differences = runs.iter().flat_map(|run| {
+            let words = run.left.words().iter().zip(run.now.iter()).zip(run.watched.words());
+            let words = words.filter(|(_, watched)| **watched != 0);
+            words.map(|((left, now), watched)| (left ^ now.load()) & watched)
+        });
+        to.sparse(differences);
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.leave();
+        let mut words: Vec<_> = self.runs.iter_mut().flat_map(Run::words).map(|(left, ..)| left).collect();
         for (index, difference) in from.value::<Vec<(usize, u64)>>()? {
-            self.words.get_mut(index).ok_or_else(|| from.no("word"))?.left ^= difference;
+            **words.get_mut(index).ok_or_else(|| from.no("word"))? ^= difference;
         }
         Ok(())
     }
@@ -71,17 +95,20 @@ impl OwnedWatch {
         registers: impl Iterator<Item = RegisterRef>,
     ) -> Result<Self, MemoryError> {
         let registers: Box<[_]> = registers.collect();
-        let mut words: Vec<Word> = Vec::new();
+        let mut runs: Vec<Run> = Vec::new();
         for register in &registers {
-            let offset = register.offset() / WORD * WORD;
-            match words.last_mut().filter(|word| word.offset == offset) {
-                Some(word) => word.watched |= mask(register),
-                None => {
-                    words.push(Word { offset, now: segment.view(offset)?, left: 0, watched: mask(register) })
-                }
+            if runs.last().is_none_or(|run| run.index_of(register.offset()).is_none()) {
+                let (first, now) = segment.block(register.offset())?;
+                let [left, watched] = [Block::new([0; Block::WORDS]); 2];
+                runs.push(Run { first, now, left, watched });
+            }
+            if let Some(run) = runs.last_mut()
+                && let Some(index) = run.index_of(register.offset())
+            {
+                run.watched.words_mut()[index] |= mask(register);
             }
         }
-        let mut watch = OwnedWatch { plc, registers, words: words.into() };
+        let mut watch = OwnedWatch { plc, registers, runs: runs.into() };
         watch.leave();
         Ok(watch)
     }
@@ -103,32 +130,42 @@ impl OwnedWatch {
     /// Stores the present registers as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
-        for word in &mut self.words {
-            word.left = word.now.load();
+        for run in &mut self.runs {
+            Block::load(slice::from_mut(&mut run.left), slice::from_ref(&*run.now));
         }
     }
 
     /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
-        let differs =
-            self.words.iter().fold(0, |all, word| all | (word.now.load() ^ word.left) & word.watched);
-        if differs != 0 {
+        let differs = |run: &Run| {
+            let [left, watched] = [&run.left, &run.watched].map(slice::from_ref);
+            Block::differ_in(left, slice::from_ref(&*run.now), watched)
+        };
+        if self.runs.iter().any(differs) {
             self.report(now, journal);
         }
     }
 
     #[cold]
     fn report(&mut self, time: u64, journal: &mut Journal) {
-        for word in &mut self.words {
-            let now = word.now.load();
-            let differs = now ^ word.left;
-            let inside = |register: &&RegisterRef| register.offset() / WORD * WORD == word.offset;
-            let hit = |register: &&RegisterRef| inside(register) && differs & mask(register) != 0;
-            for register in self.registers.iter().filter(hit) {
-                find(self.plc, register, now, time, journal);
+        let Self { plc, registers, runs } = self;
+        for run in runs {
+            let first = run.first;
+            for index in 0..Block::WORDS {
+                let now = run.now[index].load();
+                let left = core::mem::replace(&mut run.left.words_mut()[index], now);
+                let (offset, differs) =
+                    (first + index as u32 * WORD, (now ^ left) & run.watched.words()[index]);
+                let inside = |register: &&RegisterRef| register.offset() / WORD * WORD == offset;
+                let hit = |register: &&RegisterRef| inside(register) && differs & mask(register) != 0;
+                if differs != 0 {
+                    registers
+                        .iter()
+                        .filter(hit)
+                        .for_each(|register| find(*plc, register, now, time, journal));
+                }
             }
-            word.left = now;
         }
     }
 
@@ -139,10 +176,15 @@ impl OwnedWatch {
             register.offset() < offset + bytes && offset < register.offset() + register.width()
         };
         for register in self.registers.iter().filter(hit) {
-            let home = |word: &&mut Word| word.offset == register.offset() / WORD * WORD;
-            let Some(word) = self.words.iter_mut().find(home) else { continue };
-            let now = word.now.load();
-            word.left = word.left & !mask(register) | now & mask(register);
+            let place = |run: &mut Run| {
+                let index = run.index_of(register.offset())?;
+                (run.watched.words()[index] & mask(register) != 0).then_some(index)
+            };
+            let found = self.runs.iter_mut().find_map(|run| place(run).map(|index| (run, index)));
+            let Some((run, index)) = found else { continue };
+            let now = run.now[index].load();
+            let left = &mut run.left.words_mut()[index];
+            *left = *left & !mask(register) | now & mask(register);
             find(self.plc, register, now, time, journal);
         }
     }

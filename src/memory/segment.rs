@@ -14,9 +14,9 @@
 //! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
 //!    device's front panel, [`Header::front`].
 
-#[cfg(feature = "emulator")]
-use super::FirmwareHeader;
 use super::header::FRONT;
+#[cfg(feature = "emulator")]
+use super::{Block, FirmwareHeader};
 use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::MemoryValue,
     cell::SharedRegs,
@@ -184,6 +184,23 @@ impl Segment {
             return Err(MemoryError::BlockOutOfRange { offset: 0, size, end: HEADER_SIZE });
         }
         View::new(Arc::clone(&self.backing), 0)
+    }
+
+    /// Returns the words of a [`Block`] that contains the word at `offset`, and the offset of the first of them. The block
+    /// may begin in the header page.
+    ///
+    /// # Errors
+    /// The memory segment is read-only, or `offset` is out of bounds.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn block(&self, offset: u32) -> Result<(u32, View<[Cell64; Block::WORDS]>), MemoryError> {
+        const SIZE: usize = size_of::<Block>();
+        self.need_writable(offset)?;
+        let word = offset as usize / size_of::<u64>() * size_of::<u64>();
+        // The last block of the memory segment ends with its last word. A word after it is in no block, so the view is an
+        // error.
+        let last = (self.size() - SIZE) / size_of::<u64>() * size_of::<u64>();
+        let first = (word / SIZE * SIZE).min(last).max(word.saturating_sub(SIZE - size_of::<u64>()));
+        Ok((first as u32, View::new(Arc::clone(&self.backing), first as u32)?))
     }
 
     /// Returns a private copy of the registers that begin at `%MB3.offset`, as a block of cells with named registers.

@@ -278,7 +278,7 @@ impl Plant {
                 self.schedule_buses();
             }
             let (mut due, mut which) = (self.next_device, NextEvent::Device);
-            if tries > 0 && self.schedule.first() > self.now && !self.drafts.is_empty() {
+            if !self.drafts.is_empty() && tries > 0 && self.schedule.first() > self.now {
                 if self.go_apart(time) {
                     (tries, has_run, self.has_looked) = (TRIES, true, false);
                     continue;

@@ -145,8 +145,10 @@ impl SerialBus {
 
     /// Plans the next event, after a change at `now`.
     fn plan(&mut self, now: Time) {
+        if !self.is_plugged {
+            return;
+        }
         self.next = match self.next_sender() {
-            _ if !self.is_plugged => NEVER,
             Some(_) => now,
             None => self.line.next_end().map_or(NEVER, us_at).max(now),
         };
