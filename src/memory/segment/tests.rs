@@ -266,6 +266,23 @@ fn a_snapshot_is_private() {
     }
 }
 
+#[cfg(feature = "emulator")]
+#[test]
+fn every_word_is_in_a_block_inside_the_segment() {
+    const WORD: usize = size_of::<u64>();
+    for size in (HEADER_SIZE..HEADER_SIZE + 400).step_by(WORD) {
+        let segment = Segment::heap(size);
+        for offset in HEADER_SIZE as u32..size as u32 {
+            let (first, words) = segment.block(offset).unwrap();
+            let index = (offset - first) as usize / WORD;
+            segment.store(offset, Width::Byte, 0x81).unwrap();
+            assert_eq!(words[index].load() >> (8 * (offset % 8)) & 0xFF, 0x81, "{size} {offset}");
+        }
+        assert!(segment.block(size as u32).is_err(), "{size}");
+        assert!(segment.block(u32::MAX).is_err(), "{size}");
+    }
+}
+
 #[test]
 #[cfg_attr(miri, ignore = "Miri cannot map files")]
 fn a_read_only_segment_refuses_instead_of_crashing() {
