@@ -26,7 +26,7 @@ rules! {
         "A module of the Communication Window (the value is its number) violates the manual. Give the window one module in each \
          direction, 16 bytes long, consistent over the whole length, with the identifier FF EF and the format byte 00.";
     ADDRESS: 110, "dp-address", Error, "CAN-DP/2 rev. 1.1 p. 9, 26",
-        "Another station of the segment answers at the same address (the value), so both answer at once, and no master can read \
+        "Another station of the segment answers at the same address (the value), so both answer at the same time, and no master can read \
          either answer. Set the switches of each gateway to a different address; the gateway reads them at power-on.";
     MASTER_ADDRESS: 111, "dp-master-address", Warning, "D-481, D-721",
         "Another master of the segment uses the same address (the value), so no slave can distinguish the two, and a slave locked by \

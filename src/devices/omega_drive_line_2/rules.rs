@@ -14,7 +14,7 @@ rules! {
         "The BAPS was configured again while process data were being exchanged. Stop calling BAPS_PD_COMMxx and let one \
          communication pass without it first, or change the parameter numbers with us_MODE 2.";
     BAPS_CYCLE: 28, "baps-cycle", Warning, "5.00005.03a p. 88, 100; D-311",
-        "w_COMMAND_REG of an exchange is another one than before, so method or cycle time change while process data \
+        "w_COMMAND_REG of an exchange differs from that of the previous exchange, so method or cycle time change while process data \
          run. Connect the same value to BAPS_INIT and BAPS_PD_COMMxx.";
     BAPS_SYNC_SLOT: 29, "baps-sync-slot", Error, "5.00005.03a p. 89",
         "The SYNC slot of the drive (P167) is not the time between two communications, although the drive is triggered or \

@@ -173,7 +173,7 @@ static WRONG_FRAME_COUNT: FaultKind = FaultKind::new(
     24,
     "wrong_frame_count",
     TargetKind::Bus,
-    "A request has the frame count bit of the request before",
+    "A request has the same frame count bit as the previous request of the master to this slave",
     |fault| telegram(fault, TelegramEffect::WrongFrameCount),
 )
 .with(const { &[STATION, SAP] })

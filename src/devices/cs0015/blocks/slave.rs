@@ -101,7 +101,7 @@ function_block! {
             PDO: u8;
             /// Identifier of the PDO, from 16#380 on; 0 keeps the present identifier.
             ID: u16;
-            /// 0 to 240: the data take effect with SYNC; 255: the data take effect at once.
+            /// 0 to 240: the data take effect with SYNC; 255: the data take effect immediately.
             TRANS_TYPE: u8;
         }
         out {
