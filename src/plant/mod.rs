@@ -294,10 +294,11 @@ impl Plant {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
             }
             if self.next_cycle <= due {
-                if self.leaves_cycles_out(due, time) {
+                if !self.leaves_cycles_out(due, time) {
+                    (due, which) = (self.next_cycle, NextEvent::Cycle);
+                } else if self.next_cycle <= due {
                     continue;
                 }
-                (due, which) = (self.next_cycle, NextEvent::Cycle);
             }
             if self.faults.next_time() <= due.min(time) {
                 self.now = self.now.max(self.faults.next_time());
