@@ -184,7 +184,7 @@ macro_rules! ops {
             FaultList = 21, fault_list, Looks -> Faults,
             /// Clears a fault, or all of them.
             FaultClear = 22, fault_clear, Acts -> FaultsCleared {
-                /// Number of the fault, at least 1; `None` or 0 clears all faults.
+                /// Number of the fault, from 1 on. Without a number all faults are cleared; the wire format has 0 then.
                 id: Option<NonZeroU16> => value,
             },
             /// Reads a PLC's board.

@@ -7,7 +7,8 @@ use crate::cli::plant;
 use crate::script::DEFINITIONS;
 use std::path::Path;
 
-/// Files of every project. The files for CI servers come from `tools/ci`, which other repositories can also use.
+/// Files of every project. The reusable parts for CI servers, `action.yml` and `.gitlab/commram.yml`, come from `tools/ci`, because
+/// repositories without such a project can use them, too.
 const COMMON: &[(&str, &str)] = &[
     ("scenarios/start.rhai", include_str!("templates/minimal/start.rhai")),
     (".gitignore", include_str!("templates/minimal/gitignore")),

@@ -1,8 +1,8 @@
 //! Ethernet configuration: the IP address of the board (manual 5.00005.03a p. 75-82).
 //!
 //! The registers of `ETHERNET_CONFIG_BMSTRUCT` are in NOVRAM, and their contents at power-on are used. Later,
-//! a write to `d_IP_CONFIG` (p. 78) stores address and mask. The firmware detects this write because the
-//! value of the register changes (decision D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
+//! a write to `d_IP_CONFIG` (p. 78) stores address and mask, and a write to `d_ROUTER` the router. The firmware detects
+//! such a write because the value of the register changes (decision D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
 
 use crate::devices::Context;
 use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
@@ -130,7 +130,7 @@ impl Ethernet {
         self.watched() == self.seen
     }
 
-    /// Polls the two registers with values that take effect at once.
+    /// Polls `d_IP_CONFIG` and `d_ROUTER`. A change of one of them takes effect at this poll.
     #[inline]
     pub(crate) fn look(&mut self, ctx: &mut Context) {
         if !self.poll_changes_nothing() {

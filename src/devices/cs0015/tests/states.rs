@@ -32,9 +32,9 @@ fn network_management_starts_and_stops_the_controller() {
     assert_eq!(states, [127, 5, 4, 127]);
 }
 
-/// Manual p. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process
-/// that attaches its program while the controller runs requests a start, as with any device that has a
-/// project.
+/// Manual p. 13-14, 28: the program starts warm after the reset, and continues with a hot start after a stop (D-630). A
+/// process that attaches its program while the controller is in the state "run" requests a cold start; in the state
+/// "stop" this request is refused.
 #[test]
 fn the_program_starts_and_stops_with_the_states() {
     let mut bench = Bench::new("program = 'attached'");
@@ -44,7 +44,7 @@ fn the_program_starts_and_stops_with_the_states() {
         (header.program.start.rings(), kind)
     };
     bench.run(100 * MS);
-    assert_eq!(ordered(&header), (0, Start::None), "the reset continues");
+    assert_eq!(ordered(&header), (0, Start::None), "the reset is still in progress");
     bench.registers.flags.CAN_OPEN.store(1);
     bench.run(150 * MS);
     assert_eq!((ordered(&header), header.project.load()), ((1, Start::Warm), Project::Boot.code()));
