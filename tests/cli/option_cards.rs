@@ -27,6 +27,13 @@ fn every_command_knows_the_registers_of_an_option_card() {
     assert_eq!(emulator.peek(&["line:node2.w_OPTION_STATUS"]), "16#0001");
     assert!(emulator.run("dump", &["line:encoder1", "--full"]).ok().contains("%MD3.1000020"));
     assert!(emulator.run("find", &["di_SYNC_LATCH"]).ok().contains("encoder1.di_SYNC_LATCH"));
+    // The pages of a card are those of its own manual.
+    let described = emulator.run("map", &["line:encoder1.w_COMMAND"]);
+    assert!(
+        described.ok().contains("encoder-1.0 p. 1") && !described.out.contains("5.00005"),
+        "{}",
+        described.out
+    );
     assert!(emulator.run("trace", &[]).ok().contains("line:option1 "));
     let list = run(&["list"]);
     assert!(list.ok().contains("line line-option1"), "{}", list.out);

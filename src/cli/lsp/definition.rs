@@ -5,7 +5,8 @@ use super::place::without_dots;
 use super::scenario::ScriptView;
 use super::scenes::Scene;
 use super::text::Text;
-use crate::layout::{RegisterRef, split_plc};
+use crate::devices::folder::in_slot;
+use crate::layout::{DeviceFit, RegisterRef, split_plc};
 use crate::script::check::ArgumentKind;
 use core::ops::Range;
 use std::path::{Path, PathBuf};
@@ -69,11 +70,19 @@ fn begin_of(path: PathBuf) -> Option<Target> {
 /// Returns the line that defines a register, in the files of its device's folder.
 fn register(scene: &mut Scene, text: &str) -> Option<Target> {
     let (plc, name) = split_plc(text);
-    let found = scene.scope.each(text).into_iter().find_map(|(_, fitted)| fitted.register(name).ok())?;
+    let find = |(_, fitted): (String, DeviceFit)| {
+        let found = fitted.register(name).ok()?;
+        Some((in_slot::card_of(fitted.device(), found.area.name), found))
+    };
+    let (card, found) = scene.scope.each(text).into_iter().find_map(find)?;
     // A name without a prefix is valid only if there is one PLC, so the first PLC is meant.
     let plc = plc.map_or_else(|| scene.bench.names().plcs.first().cloned(), |plc| Some(plc.to_owned()))?;
-    let inputs = commram_layoutc::read_folder(scene.folders.get(&plc)?).ok()?.inputs;
-    in_files(&inputs, &found)
+    let read = |dir: &PathBuf| commram_layoutc::read_folder(dir).ok();
+    let layout = match card {
+        None => read(scene.folders.get(&plc)?)?,
+        Some(card) => scene.folders.values().filter_map(read).find(|it| it.device.name == card.name)?,
+    };
+    in_files(&layout.inputs, &found)
 }
 
 /// Returns the line that defines a register, in the files of a layout. The register's structure is searched first, then

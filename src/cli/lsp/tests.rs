@@ -311,6 +311,18 @@ fn a_register_of_a_folder_is_defined_in_its_structure() {
     );
 }
 
+/// The registers of an option card are defined in the folder of the card, and not in that of the PLC.
+#[test]
+fn a_register_of_an_option_card_is_defined_in_the_folder_of_the_card() {
+    let test = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/encoder/tests/option.rhai");
+    let mut editor = Editor::new();
+    editor.open(&test, "plant(\"option.toml\");\npeek(\"line:encoder1.w_COM¦MAND\");");
+    assert_eq!(editor.errors(), [""; 0]);
+    let target = editor.ask("textDocument/definition", editor.place());
+    assert!(target["uri"].as_str().unwrap().ends_with("/encoder/ENCODER.toml"), "{target}");
+    assert!(editor.hover().contains("encoder-1.0 p. 1"), "{}", editor.hover());
+}
+
 #[test]
 fn own_and_imported_functions_are_found_and_renamed() {
     let directory = tempfile::tempdir().unwrap();

@@ -2,6 +2,7 @@
 
 use super::entry::Entry;
 use crate::cli::table;
+use crate::devices::folder::in_slot;
 use crate::layout::DeviceLayout;
 
 /// Returns the address, with the CPU address if it is known.
@@ -44,8 +45,14 @@ fn facts(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
         line("owner", entry.owner.clone()),
         line("reset value", entry.reset.clone()),
         line("structure", entry.structure.to_owned()),
-        line("manual", format!("{} p. {}", device.manual, entry.page)),
+        line("manual", format!("{} p. {}", manual(device, entry), entry.page)),
     ]
+}
+
+/// Returns the manual with the pages of a register: that of the device, or that of an option card.
+fn manual(device: &DeviceLayout, entry: &Entry) -> &'static str {
+    let area = entry.name.split('.').next().unwrap_or_default();
+    in_slot::card_of(device, area).map_or(device.manual, |card| card.manual)
 }
 
 /// The source of each fact.
@@ -64,7 +71,7 @@ fn remarks(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
     }
     let has_meaning = !entry.values.is_empty() || !entry.bits.is_empty();
     if has_meaning && !entry.meaning_page.is_empty() {
-        lines.push(line("values, bits", format!("{} p. {}", device.manual, entry.meaning_page)));
+        lines.push(line("values, bits", format!("{} p. {}", manual(device, entry), entry.meaning_page)));
     }
     lines
 }

@@ -215,12 +215,27 @@ fn place(
         };
         let structures = tables::leaked(area.structures.iter().map(variable).collect());
         let name: &'static str = Box::leak(name.into_boxed_str());
-        pieces.push(Area { name, structures, ..piece(begins[index], end, area) });
+        // The manual of the layout is that of the controller.
+        let doc = format!("{} (pages of the manual {})", area.doc, card.manual);
+        let doc: &'static str = Box::leak(doc.into_boxed_str());
+        pieces.push(Area { name, doc, structures, ..piece(begins[index], end, area) });
     }
     if !pieces.is_empty() {
         areas.splice(at..=at, pieces);
     }
     Ok(())
+}
+
+/// Returns the layout of the card that has an area of a controller; `None` if the area belongs to the controller itself.
+#[cfg(feature = "cli")]
+pub(crate) fn card_of(controller: &DeviceLayout, area: &str) -> Option<&'static DeviceLayout> {
+    let loaded = loaded();
+    let is_it = |composed: &&Composed| composed.registered.layout.layout_hash == controller.layout_hash;
+    let composed = loaded.in_slots.controllers.iter().find(is_it)?;
+    composed.cards.iter().find_map(|(interface, card)| {
+        let own = area.strip_suffix(&interface.number.to_string())?;
+        card.areas.iter().any(|area| area.name == own).then_some(*card)
+    })
 }
 
 /// Returns a line that describes a controller with cards, for clients of its instance: [`read_line`] reads it. Paths of folders
