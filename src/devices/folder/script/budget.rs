@@ -113,8 +113,9 @@ impl Meter {
         let (last, now) = (self.last.get(), self.read());
         let sum = if last.is_of_processor { &self.used } else { &self.elapsed };
         sum.set(sum.get() + now.time.saturating_sub(last.time));
-        // The limit for the elapsed time may be exceeded now, so the next reading may use the other clock.
-        self.last.set(if last.is_of_processor { now } else { self.read() });
+        // If the limit for the elapsed time is exceeded now, the next reading uses the other clock.
+        let changes_clock = !last.is_of_processor && self.elapsed.get() > UNMEASURED;
+        self.last.set(if changes_clock { self.read() } else { now });
         self.used.get() > LONGEST_TIME.saturating_sub(UNMEASURED)
     }
 
