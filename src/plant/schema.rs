@@ -75,11 +75,31 @@ fn of_folder() -> Value {
         "type": "string", "pattern": "/",
         "description": "Path of a folder with a device.toml, from the directory of the plant file",
     });
+    let profibus =
+        json!({ "type": "string", "description": "Name of the PROFIBUS segment at the port of the device" });
+    let octets = |about: &str, least: u8| {
+        let octet = json!({ "type": "integer", "minimum": 0, "maximum": 255 });
+        json!({ "type": "array", "items": octet, "minItems": least, "maxItems": 244, "description": about })
+    };
+    let number = |about: &str, most: u8| json!({ "type": "integer", "minimum": 0, "maximum": most, "description": about });
+    let slave = json!({
+        "type": "object",
+        "additionalProperties": false,
+        "required": ["address", "parameters", "configuration"],
+        "properties": {
+            "address": number("Address of the slave", 125),
+            "parameters": octets("Data of the telegram Set_Prm", 7),
+            "configuration": octets("Data of the telegram Chk_Cfg", 1),
+            "outputs": number("Number of output bytes", 244),
+            "inputs": number("Number of input bytes", 244),
+        },
+    });
+    let slaves = json!({ "type": "array", "description": "DP slaves of the device", "items": slave });
     json!({
         "type": "object",
         "additionalProperties": false,
         "required": ["name", "kind"],
-        "properties": { "name": name(), "kind": path, "bus": bus() },
+        "properties": { "name": name(), "kind": path, "bus": bus(), "profibus": profibus, "slave": slaves },
     })
 }
 

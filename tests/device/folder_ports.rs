@@ -1,4 +1,4 @@
-//! The CAN port of a device in a folder: frames, filters, losses, faults, snapshots.
+//! The ports of a device in a folder: frames, filters, losses, faults and snapshots on CAN; the master on PROFIBUS.
 
 use super::folders::{Card, journal};
 use commram::can::{BitRate, Frame, Payload, wire};
@@ -192,7 +192,10 @@ fn mistakes_about_ports_are_refused() {
     };
     let (with, without) = (Card::with_port("fn frame(frame) {}"), Card::new("fn poll() {}"));
     let none = refused(&without, "can", "open");
-    assert!(none.contains("'one' has no port: its ") && none.contains("declares no [[port]]"), "{none}");
+    assert!(
+        none.contains("'one' has no port at can: its ") && none.contains("declares no such [[port]]"),
+        "{none}"
+    );
     let unknown = refused(&with, "can", "others");
     assert!(unknown.contains("others") && unknown.contains("open"), "{unknown}");
     let other = refused(&with, "profibus", "open");
@@ -207,4 +210,86 @@ fn mistakes_about_ports_are_refused() {
         lines.iter().any(|line| line.contains("script stopped: firmware.rhai:1: 16#800 is no identifier")),
         "{lines:#?}"
     );
+}
+
+/// The dual-port memory as a master with these keys, and without the bus.
+fn master(keys: &str) -> String {
+    let kind = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm");
+    format!("[[bus]]\nname = 'dp'\nkind = 'profibus'\n[[device]]\nkind = '{kind}'\nname = 'card'\n{keys}\n")
+}
+
+/// A slave with its address, and parameters of this length.
+fn slave(address: u8, parameters: usize, outputs: u8) -> String {
+    let parameters = vec![0; parameters];
+    format!(
+        "[[device.slave]]\naddress = {address}\nparameters = {parameters:?}\nconfiguration = [0x20]\noutputs = {outputs}\n"
+    )
+}
+
+#[test]
+fn mistakes_about_a_profibus_master_are_refused() {
+    let refused = |keys: &str| PlantConfig::parse("plant", &master(keys)).unwrap_err().to_string();
+    let bus = "profibus = 'dp'\n";
+    for (keys, what) in [
+        (slave(5, 7, 0), "'card': slaves need the key profibus"),
+        (bus.to_owned() + &slave(1, 7, 0), "'card': slave 1: an address is 0 to 125; the master has 1"),
+        (bus.to_owned() + &slave(126, 7, 0), "'card': slave 126: an address is 0 to 125; the master has 1"),
+        (bus.to_owned() + &slave(5, 7, 0) + &slave(5, 7, 0), "'card': two slaves have the address 5"),
+        (bus.to_owned() + &slave(5, 6, 0), "'card': slave 5: parameters has 7 to 244 bytes"),
+        (bus.to_owned() + &slave(5, 7, 245), "'card': slave 5: outputs and inputs are at most 244 bytes"),
+        (
+            (5..30).fold(bus.to_owned(), |all, address| all + &slave(address, 7, 244)),
+            "'card': its slaves have 6100 bytes of outputs and 0 of inputs; the process image has 5760 and 5760",
+        ),
+    ] {
+        let line = if keys.starts_with("profibus") { 8 } else { 7 };
+        let found = refused(&keys);
+        assert!(found.starts_with(&format!("plant: line {line}: {what}")), "{found}");
+    }
+    assert!(
+        refused("profibus = 'none'").contains("line 7: dp of PLC 'card' is on bus 'none'"),
+        "{}",
+        refused("profibus = 'none'")
+    );
+    assert!(refused("bus = 'dp'").contains("it needs one of kind 'can'"), "{}", refused("bus = 'dp'"));
+    let key = refused("profibus = 'dp'\n[[device.slave]]\nnumber = 5");
+    assert!(key.contains("unknown field `number`; the keys here are: address, parameters"), "{key}");
+    let with_port = |port: &str| {
+        let card = Card::new("fn poll() {}");
+        let device = std::fs::read_to_string(card.dir().join("device.toml")).unwrap();
+        std::fs::write(
+            card.dir().join("device.toml"),
+            format!("{device}port = [{{ name = 'dp', {port} }}]\n"),
+        )
+        .unwrap();
+        card.refused()
+    };
+    for (port, what) in [
+        (
+            "number = 2, medium = 'profibus', roles = ['master']",
+            "the port `dp` needs a table [process_image]",
+        ),
+        ("number = 1, medium = 'profibus', roles = ['master']", "its number at \"profibus\" is 2"),
+        ("number = 2, medium = 'profibus', roles = ['slave']", "its roles at \"profibus\" are [\"master\"]"),
+        ("number = 2, medium = 'can', roles = ['peer']", "its number at \"can\" is 1"),
+        ("number = 1, medium = 'cansync', roles = ['master']", "its medium is \"can\" or \"profibus\""),
+    ] {
+        assert!(with_port(port).contains(what), "{port}: {}", with_port(port));
+    }
+}
+
+/// Slaves that do not answer delay nothing, and no number of them is active.
+#[test]
+fn a_master_without_slaves_on_the_bus_continues() {
+    let slaves = slave(5, 7, 2) + &slave(6, 7, 2);
+    let mut bench = Bench::plant(&master(&format!("profibus = 'dp'\n{slaves}"))).unwrap();
+    bench.step("40ms").unwrap();
+    assert_eq!(bench.peek("com0.tCommonStatus.ulNumOfConfigSlaves").unwrap(), 2);
+    bench.poke("com0.tControl.ulApplicationCOS", 0x7).unwrap();
+    bench.poke("hsk.tCommFlags0.usHostFlags", 0x4).unwrap();
+    bench.step("100ms").unwrap();
+    assert_eq!(bench.peek("bus.bRun").unwrap(), 1);
+    assert_eq!(bench.peek("com0.tCommonStatus.ulNumOfActiveSlaves").unwrap(), 0);
+    let telegrams = journal(&mut bench).iter().filter(|line| line.contains("Slave_Diag")).count();
+    assert!(telegrams > 20, "{telegrams}");
 }

@@ -51,6 +51,7 @@ const OF_HANDSHAKES: &[Section] = &[
     ("counter", FOLDERS, "## Handshakes"),
     ("watchdog", FOLDERS, "## Handshakes"),
     ("mirror", FOLDERS, "## Handshakes"),
+    ("process_image", FOLDERS, "## PROFIBUS master"),
     ("record", FOLDERS, "## Handshakes"),
     ("fault", FOLDERS, "## Faults"),
 ];

@@ -2,6 +2,7 @@
 
 use super::Folder;
 use super::card::{Card, Memory};
+use super::dp_master::{self, DpMaster, DpSlave};
 use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
 use super::in_slot;
@@ -10,7 +11,8 @@ use super::part::Part;
 use super::phase;
 use super::port::{BusLink, FolderPort};
 use super::source::Source;
-use crate::devices::can_bus::CanSocket;
+use crate::devices::can_bus::{self, CanSocket};
+use crate::devices::profibus_bus::{self, ProfibusSocket};
 use crate::devices::settings::range;
 use crate::devices::{BuildError, CardMemory, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::fault::FaultKind;
@@ -25,6 +27,11 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{Error, ValueDeserializer};
 
+/// Largest address of a DP slave.
+const MOST_ADDRESS: u8 = 125;
+/// Maximum number of data octets of a DP telegram.
+const MOST_OCTETS: usize = 244;
+
 /// A device of a folder in the plant file.
 #[derive(Clone)]
 pub(crate) struct FolderConfig {
@@ -34,8 +41,11 @@ pub(crate) struct FolderConfig {
     /// Layout of the image: all registers, or the front panel of a card in a slot.
     layout: &'static DeviceLayout,
     slot: Option<Slot>,
-    /// Name of the bus at the port.
+    /// Name of the bus at the CAN port.
     bus: Option<String>,
+    /// Name of the bus at the PROFIBUS port.
+    profibus: Option<String>,
+    slaves: Arc<[DpSlave]>,
 }
 
 /// Keys of the section in the plant file, except `kind`.
@@ -45,6 +55,9 @@ pub(crate) struct FolderConfig {
 struct Section {
     name: String,
     bus: Option<String>,
+    profibus: Option<String>,
+    #[serde(default)]
+    slave: Vec<DpSlave>,
 }
 
 /// Keys of the section of an option card in the plant file, `[[plc.option]]`.
@@ -84,9 +97,18 @@ impl FolderConfig {
         dir: PathBuf,
         section: ValueDeserializer<'_>,
     ) -> Result<Arc<dyn DeviceConfig>, Error> {
-        let Section { name, bus } = Section::deserialize(section)?;
+        let Section { name, bus, profibus, slave } = Section::deserialize(section)?;
         let layout = folder.registered.layout;
-        Ok(Arc::new(FolderConfig { name, folder, dir, layout, slot: None, bus }))
+        Ok(Arc::new(FolderConfig {
+            name,
+            folder,
+            dir,
+            layout,
+            slot: None,
+            bus,
+            profibus,
+            slaves: slave.into(),
+        }))
     }
 
     /// Returns the device in `dir` as an option card of `controller`. `folder` is what was read from this folder.
@@ -99,14 +121,66 @@ impl FolderConfig {
         let OptionSection { slot: number, card: _, name, interface, trigger, bus } = section;
         let name = name.unwrap_or_else(|| format!("{controller}-option{number}"));
         let slot = Some(Slot { controller, number, interface, trigger });
-        Arc::new(FolderConfig { name, folder, dir, layout: folder.registered.layout, slot, bus })
+        let (layout, slaves) = (folder.registered.layout, Arc::default());
+        Arc::new(FolderConfig { name, folder, dir, layout, slot, bus, profibus: None, slaves })
     }
 }
 
 impl FolderConfig {
-    /// Returns the port that `device.toml` declares. Its medium is CAN.
-    fn port(&self) -> Option<&'static Port> {
-        self.layout().ports.first()
+    /// Returns the port at this medium that `device.toml` declares.
+    fn port(&self, medium: &str) -> Option<&'static Port> {
+        self.layout().ports.iter().find(|port| port.medium == medium)
+    }
+
+    /// Returns the name of the bus at a port.
+    fn bus_at(&self, port: &Port) -> Option<&str> {
+        if port.medium == can_bus::FAMILY { self.bus.as_deref() } else { self.profibus.as_deref() }
+    }
+
+    /// Checks the slaves of the PROFIBUS port.
+    fn check_slaves(&self) -> Result<(), BuildError> {
+        let refused =
+            |reason: String| Err(BuildError::own(&self.name, "slave", format!("'{}': {reason}", self.name)));
+        let Some(image) = self.folder.image.as_ref().filter(|_| self.profibus.is_some()) else {
+            return if self.slaves.is_empty() {
+                Ok(())
+            } else {
+                refused("slaves need the key profibus".to_owned())
+            };
+        };
+        let (mut outputs, mut inputs) = (0, 0);
+        for (index, slave) in self.slaves.iter().enumerate() {
+            let address = slave.address;
+            if address > MOST_ADDRESS || address == dp_master::ADDRESS {
+                return refused(format!(
+                    "slave {address}: an address is 0 to {MOST_ADDRESS}; the master has {}",
+                    dp_master::ADDRESS
+                ));
+            }
+            if self.slaves.iter().take(index).any(|other| other.address == address) {
+                return refused(format!("two slaves have the address {address}"));
+            }
+            let [parameters, configuration] = [&slave.parameters, &slave.configuration].map(Vec::len);
+            if !(7..=MOST_OCTETS).contains(&parameters) || !(1..=MOST_OCTETS).contains(&configuration) {
+                return refused(format!(
+                    "slave {address}: parameters has 7 to {MOST_OCTETS} bytes, and configuration 1 to {MOST_OCTETS}"
+                ));
+            }
+            if usize::from(slave.outputs.max(slave.inputs)) > MOST_OCTETS {
+                return refused(format!(
+                    "slave {address}: outputs and inputs are at most {MOST_OCTETS} bytes"
+                ));
+            }
+            (outputs, inputs) = (outputs + u32::from(slave.outputs), inputs + u32::from(slave.inputs));
+        }
+        let room = [image.outputs.end - image.outputs.start, image.inputs.end - image.inputs.start];
+        if outputs > room[0] || inputs > room[1] {
+            return refused(format!(
+                "its slaves have {outputs} bytes of outputs and {inputs} of inputs; the process image has {} and {}",
+                room[0], room[1]
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -115,7 +189,7 @@ impl FolderConfig {
 /// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not change it.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, folder, dir: _, layout: _, slot, bus } = self;
+        let Self { name, folder, dir: _, layout: _, slot, bus, profibus, slaves } = self;
         let mut settings = f.debug_struct(folder.registered.layout.name);
         settings.field("name", name).field("files", &folder.fingerprint);
         if let Some(Slot { controller, number, interface, trigger }) = slot {
@@ -126,6 +200,9 @@ impl fmt::Debug for FolderConfig {
         }
         if let Some(bus) = bus {
             settings.field("bus", bus);
+        }
+        if let Some(profibus) = profibus {
+            settings.field("profibus", &(profibus, slaves));
         }
         settings.finish()
     }
@@ -145,14 +222,19 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn check(&self) -> Result<(), BuildError> {
-        if self.bus.is_some() && self.port().is_none() {
-            let reason = format!(
-                "'{}' has no port: its {} declares no [[port]]",
-                self.name,
-                self.dir.join("device.toml").display()
-            );
-            return Err(BuildError::own(&self.name, "bus", reason));
+        for (key, bus, medium) in
+            [("bus", &self.bus, can_bus::FAMILY), ("profibus", &self.profibus, profibus_bus::FAMILY)]
+        {
+            if bus.is_some() && self.port(medium).is_none() {
+                let reason = format!(
+                    "'{}' has no port at {medium}: its {} declares no such [[port]]",
+                    self.name,
+                    self.dir.join("device.toml").display()
+                );
+                return Err(BuildError::own(&self.name, key, reason));
+            }
         }
+        self.check_slaves()?;
         let Some(slot) = &self.slot else { return Ok(()) };
         range("trigger", &self.name, slot.trigger.into(), 1..=2, "1 or 2")?;
         if self.folder.script.is_none() {
@@ -169,7 +251,7 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {
-        self.port().map(|port| PortConfig::of(port, self.bus.as_deref())).into_iter().collect()
+        self.layout().ports.iter().map(|port| PortConfig::of(port, self.bus_at(port))).collect()
     }
 
     fn card_place(&self) -> Option<CardPlace<'_>> {
@@ -223,7 +305,7 @@ impl FolderConfig {
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let layout = self.folder.registered.layout;
         let script = self.folder.script.as_ref();
-        let link = self.port().map(|_| BusLink::default());
+        let link = self.layout().ports.first().map(|_| BusLink::default());
         let face = segment.firmware_header()?;
         let mut card = Card::new(layout, memory, face, script.is_some(), link.clone());
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
@@ -234,17 +316,27 @@ impl FolderConfig {
             parts.push(script.firmware(layout));
         }
         parts.push(Box::new(Handshakes::new(&self.folder.rows)));
-        let plugs = self.port().zip(link).map(|(port, link)| {
+        let plug = |(port, link): (&'static Port, BusLink)| {
             let origin = Origin { plc: index, node: port.number };
-            let firmware = Box::new(FolderPort::new(link, script.is_some()));
-            let socket =
-                CanSocket { origin, segment: segment.clone(), layout: self.layout(), port: firmware };
-            let (number, family, bus) = (port.number, port.medium, self.bus.clone());
-            Plug { number, family, bus, socket: Box::new(socket) }
-        });
-        let plugs = Vec::from_iter(plugs);
+            let (segment, layout) = (segment.clone(), self.layout());
+            let socket: Box<dyn core::any::Any + Send> = match &self.folder.image {
+                Some(image) if port.medium == profibus_bus::FAMILY => {
+                    let port = Box::new(DpMaster::new(segment.clone(), image, Arc::clone(&self.slaves)));
+                    Box::new(ProfibusSocket { origin, segment, layout, port })
+                }
+                _ => {
+                    let port = Box::new(FolderPort::new(link, script.is_some()));
+                    Box::new(CanSocket { origin, segment, layout, port })
+                }
+            };
+            let bus = self.bus_at(port).map(str::to_owned);
+            Plug { number: port.number, family: port.medium, bus, socket }
+        };
+        let plugs = self.layout().ports.iter().zip(core::iter::repeat_with(|| link.clone()));
+        let plugs = plugs.filter_map(|(port, link)| Some((port, link?))).map(plug).collect();
         let faults = OwnFaults::new(self.folder.fault_kinds);
-        let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()));
+        let has_image = self.profibus.is_some();
+        let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()), has_image);
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), plugs))
     }

@@ -20,13 +20,21 @@ pub(super) struct FolderFirmware {
     card: Card,
     faults: OwnFaults,
     source: Source,
+    /// True if a port exchanges a process image. The port writes registers that the parts read.
+    has_image: bool,
 }
 
-snapshot_fields!(FolderFirmware { parts: parts, card, faults; built: source });
+snapshot_fields!(FolderFirmware { parts: parts, card, faults; built: source, has_image });
 
 impl FolderFirmware {
-    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, faults: OwnFaults, source: Source) -> Self {
-        FolderFirmware { parts, card, faults, source }
+    pub(super) fn new(
+        parts: Vec<Box<dyn Part>>,
+        card: Card,
+        faults: OwnFaults,
+        source: Source,
+        has_image: bool,
+    ) -> Self {
+        FolderFirmware { parts, card, faults, source, has_image }
     }
 
     /// Switches the port on or off together with the device. At power-off the script can no longer send
@@ -76,7 +84,9 @@ impl Firmware for FolderFirmware {
     }
 
     fn is_quiescent(&self) -> bool {
-        self.faults.next_time() == u64::MAX && self.parts.iter().all(|part| part.is_quiescent())
+        !self.has_image
+            && self.faults.next_time() == u64::MAX
+            && self.parts.iter().all(|part| part.is_quiescent())
     }
 
     /// A part may have changed a register that another part reads. In this case the next cycle is needed.

@@ -7,6 +7,7 @@
 
 mod card;
 mod config;
+mod dp_master;
 #[cfg(feature = "cli")]
 pub(crate) mod edited;
 mod error;
@@ -44,6 +45,7 @@ pub(crate) use state_word::WORD as SCRIPT_WORD;
 pub(crate) use own_faults::{OwnFault, OwnField};
 pub use own_records::OwnRecord;
 
+use dp_master::ProcessImage;
 use handshakes::Tables;
 use in_slot::InSlots;
 use own_faults::Declarations;
@@ -51,7 +53,7 @@ use own_faults::Declarations;
 use own_faults::OwnFault;
 use script::Script;
 
-use super::{Emulation, Registered, registry};
+use super::{Emulation, Registered, can_bus, profibus_bus, registry};
 use crate::fault::FaultKind;
 use crate::layout::DeviceLayout;
 use crate::memory::InstanceLock;
@@ -90,6 +92,8 @@ pub struct Folder {
     /// The declared kinds of faults in the form of the list of all faults.
     fault_kinds: &'static [&'static FaultKind],
     script: Option<Script>,
+    /// The process image that the PROFIBUS port exchanges with its slaves.
+    image: Option<ProcessImage>,
     /// Hash of the files. Folders with different files have different numbers.
     fingerprint: u64,
     /// Hash of the handshakes. Folders with different handshakes have different numbers.
@@ -229,7 +233,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let layout = loaded.table(of_layout, &read);
     phase::check(dir, layout)?;
     let tables = XxHash3_64::oneshot(handshakes.as_deref().unwrap_or_default().as_bytes());
-    let Tables { rows, records, faults } = match handshakes {
+    let Tables { rows, records, faults, image } = match handshakes {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
         None => Tables::default(),
     };
@@ -237,6 +241,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
         inputs.extend(script.check(dir, layout, &records)?);
     }
     check_fault_hook(dir, script.as_ref(), &rows, &faults)?;
+    check_image(dir, layout, image.is_some())?;
     let fault_kinds = loaded.faults.kinds(layout.name, &faults);
     let exercises = script::read_exercise(dir, layout)?;
     let emulation = Emulation { exercises: Vec::leak(Vec::from_iter(exercises)), ..Emulation::NONE };
@@ -249,6 +254,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
         faults,
         fault_kinds,
         script,
+        image,
         fingerprint,
         tables,
         inputs,
@@ -285,17 +291,28 @@ fn check_fault_hook(
     }
 }
 
+/// Checks that a device with a PROFIBUS port has a process image.
+fn check_image(dir: &Path, layout: &DeviceLayout, has_image: bool) -> Result<(), FolderError> {
+    match layout.ports.iter().find(|port| port.medium == profibus_bus::FAMILY) {
+        Some(port) if !has_image => {
+            let what = format!("the port `{}` needs a table [process_image]", port.name);
+            Err(FolderError::Table { path: dir.join(handshakes::FILE), line: 1, what })
+        }
+        _ => Ok(()),
+    }
+}
+
 fn file_name(path: &Path) -> Option<String> {
     Some(path.file_name()?.to_str()?.to_owned())
 }
 
 /// Returns the text of a plant file with the device in the folder `dir` as its only device. If the device has
-/// a port, the plant also has a CAN bus `can` at 125 kbit/s for the port (D-813).
+/// a CAN port, the plant also has a bus `can` at 125 kbit/s for the port (D-813).
 #[must_use]
 pub fn plant_alone(dir: &Path, layout: &DeviceLayout) -> String {
     let (name, kind) = (toml::Value::from(layout.name), toml::Value::from(dir.display().to_string()));
     let device = format!("[[device]]\nname = {name}\nkind = {kind}\n");
-    match layout.ports.first() {
+    match layout.ports.iter().find(|port| port.medium == can_bus::FAMILY) {
         None => device,
         Some(_) => {
             format!("{device}bus = \"can\"\n\n[[bus]]\nname = \"can\"\nkind = \"can\"\nkbit_s = 125\n")

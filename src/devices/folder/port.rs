@@ -13,6 +13,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+/// Number of the CAN port in each device with such a port.
+const CAN_PORT: PortNumber = PortNumber(1);
+
 /// Maximum number of arrivals that wait for the script. The script handles all arrivals of a moment at this
 /// moment, so the number is never reached.
 const MOST_ARRIVALS: usize = 64;
@@ -122,8 +125,10 @@ impl BusLink {
 }
 
 impl DevicePorts for BusLink {
-    fn plugged_in(&mut self, _: PortNumber, bit_s: u32) {
-        self.lock().has_bus = bit_s != 0;
+    fn plugged_in(&mut self, port: PortNumber, bit_s: u32) {
+        if port == CAN_PORT {
+            self.lock().has_bus = bit_s != 0;
+        }
     }
 
     /// The port has no switches for a number, so the number is 0.
@@ -136,9 +141,9 @@ impl DevicePorts for BusLink {
 
     fn port_joined(&mut self, _: PortNumber, _: bool) {}
 
-    fn has_orders(&self, _: PortNumber) -> bool {
+    fn has_orders(&self, port: PortNumber) -> bool {
         let exchange = self.lock();
-        !exchange.to_send.is_empty() || exchange.filters.is_some()
+        port == CAN_PORT && (!exchange.to_send.is_empty() || exchange.filters.is_some())
     }
 
     fn exchanges_with_ports(&self) -> bool {

@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Keys by which a device is connected to a bus.
-const BUS_KEYS: [&str; 3] = ["node1", "node2", "bus"];
+const BUS_KEYS: [&str; 4] = ["node1", "node2", "bus", "profibus"];
 
 type Value<'t> = Spanned<DeValue<'t>>;
 

@@ -21,6 +21,7 @@ pub(super) struct File {
     pub(super) watchdog: Vec<Watchdog>,
     #[serde(default)]
     pub(super) mirror: Vec<Mirror>,
+    pub(super) process_image: Option<Image>,
     #[serde(default)]
     pub(super) record: Vec<Spanned<Record>>,
     #[serde(default)]
@@ -111,6 +112,19 @@ pub(super) struct Mirror {
     pub(super) source: Provenance,
 }
 
+/// Registers that the master at the PROFIBUS port exchanges with its slaves.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Image {
+    pub(super) outputs: Spanned<String>,
+    pub(super) inputs: Spanned<String>,
+    pub(super) run: Spanned<String>,
+    pub(super) slaves: Spanned<String>,
+    pub(super) active: Spanned<String>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
 /// A kind of journal record that the script writes.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -187,6 +201,7 @@ pub(in crate::devices::folder) fn keys(table: &str) -> Vec<String> {
         "counter" => of::<Counter>(),
         "watchdog" => of::<Watchdog>(),
         "mirror" => of::<Mirror>(),
+        "process_image" => of::<Image>(),
         "record" => of::<Record>(),
         "fault" => of::<Fault>(),
         "fields" => of::<FaultField>(),

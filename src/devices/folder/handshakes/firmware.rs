@@ -137,7 +137,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
         step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
     };
     match rule {
-        Rule::Ready { .. } | Rule::Counter { .. } => {}
+        Rule::Ready { .. } | Rule::Counter { .. } | Rule::Image => {}
         Rule::Answer { .. } if step.phase == Phase::Second => {}
         Rule::Answer { at, request, after_us, .. } => {
             wait(card.load(*at) == u32::from(*request), *after_us);
@@ -222,7 +222,7 @@ fn fire(row: &Row, step: &mut Step, card: &mut Card, ctx: &mut Context) {
             step.phase = Phase::Second;
             apply(state, ctx, card);
         }
-        Rule::Mirror { .. } => {}
+        Rule::Mirror { .. } | Rule::Image => {}
     }
 }
 

@@ -13,10 +13,12 @@ pub(super) use firmware::Handshakes;
 use rule::{Change, Rule};
 
 use super::card::Place;
+use super::dp_master::ProcessImage;
 use super::own_faults::{OwnFault, OwnField};
 use super::own_records::{MOST_KINDS, OwnRecord};
 use super::{FolderError, own_faults, state_word, tables};
-use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef, did_you_mean};
+use crate::devices::profibus_bus;
+use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef, Width, did_you_mean};
 use crate::time::short;
 use commram_layoutc::model;
 use core::mem;
@@ -70,6 +72,8 @@ pub(super) struct Tables {
     pub(super) records: Vec<OwnRecord>,
     /// Kinds of faults that the device defines.
     pub(super) faults: Vec<OwnFault>,
+    /// The process image at the PROFIBUS port.
+    pub(super) image: Option<ProcessImage>,
 }
 
 /// Reads the text of the file for a device with this layout.
@@ -84,7 +88,11 @@ pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Re
     })?;
     let records = reader.records(mem::take(&mut file.record))?;
     reader.faults = reader.read_faults(mem::take(&mut file.fault))?;
-    Ok(Tables { rows: reader.rows(file)?, records, faults: reader.faults })
+    let image = file.process_image.take().map(|it| reader.image(it)).transpose()?;
+    let (image, row) = image.unzip();
+    let mut rows = reader.rows(file)?;
+    rows.extend(row);
+    Ok(Tables { rows, records, faults: reader.faults, image })
 }
 
 /// Returns the faults that the text declares. The other tables are not checked, because a client of a running
@@ -130,7 +138,8 @@ impl Reader<'_> {
     }
 
     fn rows(&self, file: File) -> Result<Vec<Row>, FolderError> {
-        let File { ready, answer, toggle, counter, watchdog, mirror, record: _, fault: _ } = file;
+        let File { ready, answer, toggle, counter, watchdog, mirror, process_image: _, record: _, fault: _ } =
+            file;
         let mut rows = Vec::new();
         ready.into_iter().try_for_each(|it| self.ready(it).map(|row| rows.push(row)))?;
         for it in answer {
@@ -351,6 +360,53 @@ impl Reader<'_> {
         let pairs = from.iter().zip(&to).map(|(from, to)| (Place::of(from), Place::of(to))).collect();
         let rule = Rule::Mirror { pairs };
         Ok(row("mirror", it.from.into_inner(), behaviour, (it.page, &it.source), rule, unless))
+    }
+
+    /// Returns the process image, and the row that describes it.
+    fn image(&self, it: file::Image) -> Result<(ProcessImage, Row), FolderError> {
+        if !self.layout.ports.iter().any(|port| port.medium == profibus_bus::FAMILY) {
+            let what = "a process image needs a port; declare it in device.toml: \
+                port = [{ name = \"dp\", number = 2, medium = \"profibus\", roles = [\"master\"] }]";
+            return Err(self.wrong(it.outputs.span(), what.to_owned()));
+        }
+        let outputs = self.bytes(&it.outputs, false)?;
+        let inputs = self.bytes(&it.inputs, true)?;
+        let behaviour = format!(
+            "outputs on PROFIBUS while {} is not 0; inputs are {}",
+            it.run.get_ref(),
+            it.inputs.get_ref()
+        );
+        let (run, slaves, active) = (
+            self.place(&it.run)?,
+            self.written_by_firmware(&it.slaves)?,
+            self.written_by_firmware(&it.active)?,
+        );
+        let row = row(
+            "process_image",
+            it.outputs.into_inner(),
+            behaviour,
+            (it.page, &it.source),
+            Rule::Image,
+            None,
+        );
+        Ok((ProcessImage { outputs, inputs, run, slaves, active }, row))
+    }
+
+    /// Returns the range of consecutive bytes in the image of the device.
+    fn bytes(&self, name: &Spanned<String>, is_input: bool) -> Result<Range<u32>, FolderError> {
+        let wrong = |what| self.wrong(name.span(), what);
+        let found = self.layout.registers(name.get_ref()).map_err(|error| wrong(error.to_string()))?;
+        if is_input {
+            found.iter().try_for_each(|register| self.may_write(register, name.span()))?;
+        }
+        let first = found.first().map_or(0, RegisterRef::offset);
+        let is_next = |(at, register): (u32, &RegisterRef)| {
+            register.offset() == first + at && register.address().width() == Width::Byte
+        };
+        if !(0..).zip(&found).all(is_next) {
+            return Err(wrong(format!("{} is not an array of bytes", name.get_ref())));
+        }
+        Ok(first..first + found.len() as u32)
     }
 
     fn register(&self, name: &str, place: Range<usize>) -> Result<RegisterRef, FolderError> {

@@ -26,6 +26,8 @@ pub(super) enum Rule {
     Watchdog { at: Place, within_us: u64, state: Vec<Change>, recovered: Vec<Change> },
     /// Copies registers.
     Mirror { pairs: Vec<(Place, Place)> },
+    /// The PROFIBUS port exchanges a process image. The firmware of the port does this.
+    Image,
 }
 
 /// A change of a register.

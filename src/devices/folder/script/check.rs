@@ -6,6 +6,7 @@ use super::mistake::Mistake;
 use super::verb_context::VerbContext;
 use super::verbs::{CHANGING, OF_PORT, OF_REGISTERS};
 use super::{Hooks, MAIN, Script};
+use crate::devices::can_bus;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
 use crate::layout::{DeviceLayout, Owner, did_you_mean};
@@ -116,11 +117,16 @@ fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
     Ok(hooks)
 }
 
-/// If the device has no port, refuses hooks for events of a port.
+/// True if the device has a CAN port, the port whose frames the script handles.
+fn has_can_port(layout: &DeviceLayout) -> bool {
+    layout.ports.iter().any(|port| port.medium == can_bus::FAMILY)
+}
+
+/// If the device has no CAN port, refuses hooks for events of a port.
 fn check_port(script: &Script, mut hooks: Hooks, layout: &'static DeviceLayout) -> Result<(), Mistake> {
     let has = |name: &&&str| hooks.flag(name).is_some_and(|flag| *flag);
     match Hooks::OF_PORT.iter().find(has) {
-        Some(name) if layout.ports.is_empty() => Err(Mistake {
+        Some(name) if !has_can_port(layout) => Err(Mistake {
             line: line_of(script, name),
             ..Mistake::new(format!("the hook {name} needs a port; {DECLARE_PORT}"))
         }),
@@ -236,7 +242,7 @@ impl Calls<'_> {
             }
             return Ok(());
         }
-        if OF_PORT.contains(&name) && self.layout.ports.is_empty() {
+        if OF_PORT.contains(&name) && !has_can_port(self.layout) {
             return Err((at, format!("`{name}` needs a port; {DECLARE_PORT}")));
         }
         if name == "record"

@@ -5,9 +5,6 @@ use crate::raw;
 use crate::raw::Role;
 use crate::source::{SourcePlace, Sources, at};
 
-/// Medium of the port that a device in a folder may have.
-const MEDIUM: &str = "can";
-
 /// Refuses object dictionaries, device description files and bus timing.
 pub(super) fn check(sources: &Sources, file: usize, raw: &raw::Device) -> Result<(), Error> {
     let refused = |place: SourcePlace, key| Err(sources.error(place, Reason::NotInFolder(key)));
@@ -23,24 +20,25 @@ pub(super) fn check(sources: &Sources, file: usize, raw: &raw::Device) -> Result
     check_port(sources, file, &raw.port)
 }
 
-/// Checks that the device has at most one port: number 1 on a CAN bus, without registers.
+/// Checks that the device has at most one port on a CAN bus and one on PROFIBUS, without registers.
 fn check_port(sources: &Sources, file: usize, ports: &[raw::Port]) -> Result<(), Error> {
     let wrong = |span, what| Err(sources.error(at(file, span), Reason::PortInFolder(what)));
-    if let Some(second) = ports.get(1) {
-        return wrong(second.name.span(), "there is one port only");
+    for port in ports {
+        match (port.medium.get_ref().as_str(), *port.number.get_ref()) {
+            ("can", 1) if port.roles.get_ref() != &[Role::Peer] => {
+                return wrong(port.roles.span(), "its roles at \"can\" are [\"peer\"]");
+            }
+            ("profibus", 2) if port.roles.get_ref() != &[Role::Master] => {
+                return wrong(port.roles.span(), "its roles at \"profibus\" are [\"master\"]");
+            }
+            ("can", 1) | ("profibus", 2) => {}
+            ("can", _) => return wrong(port.number.span(), "its number at \"can\" is 1"),
+            ("profibus", _) => return wrong(port.number.span(), "its number at \"profibus\" is 2"),
+            _ => return wrong(port.medium.span(), "its medium is \"can\" or \"profibus\""),
+        }
+        if let Some(area) = &port.area {
+            return wrong(area.span(), "it has no `area`, because no register belongs to it");
+        }
     }
-    let Some(port) = ports.first() else { return Ok(()) };
-    if *port.number.get_ref() != 1 {
-        return wrong(port.number.span(), "its number is 1");
-    }
-    if port.medium.get_ref() != MEDIUM {
-        return wrong(port.medium.span(), "its medium is \"can\"");
-    }
-    if port.roles.get_ref() != &[Role::Peer] {
-        return wrong(port.roles.span(), "its roles are [\"peer\"]");
-    }
-    match &port.area {
-        Some(area) => wrong(area.span(), "it has no `area`, because no register belongs to it"),
-        None => Ok(()),
-    }
+    Ok(())
 }

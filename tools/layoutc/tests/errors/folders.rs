@@ -56,7 +56,7 @@ fn keys_that_only_code_serves() {
     );
 }
 
-/// The only port of a device in a folder is number 1 at a CAN bus, without registers.
+/// A device in a folder has port 1 at a CAN bus, or port 2 at PROFIBUS, or both, without registers.
 #[test]
 fn ports_of_a_folder() {
     let with = |ports: &str| {
@@ -65,19 +65,18 @@ fn ports_of_a_folder() {
         dir
     };
     let right = "{ name = 'bus', number = 1, medium = 'can', roles = ['peer'] }";
-    let dir = with(right);
-    let device = commram_layoutc::read_folder(dir.path()).unwrap().device;
-    assert_eq!((device.ports.len(), device.ports[0].area), (1, None));
+    let master = "{ name = 'dp', number = 2, medium = 'profibus', roles = ['master'] }";
+    for (ports, count) in [(right.to_owned(), 1), (master.to_owned(), 1), (format!("{master}, {right}"), 2)] {
+        let device = commram_layoutc::read_folder(with(&ports).path()).unwrap().device;
+        assert_eq!((device.ports.len(), device.ports[0].area), (count, None));
+    }
     for (from, to, error) in [
-        ("number = 1", "number = 2", "its number is 1"),
-        ("'can'", "'profibus'", "its medium is \"can\""),
-        ("['peer']", "['peer', 'master']", "its roles are [\"peer\"]"),
+        ("number = 1", "number = 2", "its number at \"can\" is 1"),
+        ("'can'", "'profibus'", "its number at \"profibus\" is 2"),
+        ("1, medium = 'can'", "2, medium = 'profibus'", "its roles at \"profibus\" are [\"master\"]"),
+        ("'can'", "'cansync'", "its medium is \"can\" or \"profibus\""),
+        ("['peer']", "['peer', 'master']", "its roles at \"can\" are [\"peer\"]"),
         (" }", ", area = 'node' }", "it has no `area`, because no register belongs to it"),
-        (
-            "'peer'] }",
-            "'peer'] }, { name = 'b', number = 2, medium = 'can', roles = ['peer'] }",
-            "there is one port only",
-        ),
     ] {
         let found = error_of(with(&right.replace(from, to)).path());
         let end = format!("the port of a device in a folder: {error}");
