@@ -166,7 +166,8 @@ fn the_examples_pass_rounds_of_soak() {
     }
 }
 
-/// The vendor's own library opens the dual-port memory and passes every step, in real time and in emulated time.
+/// The vendor's own library opens the dual-port memory and passes every step, in real time and in emulated time. It also
+/// exchanges bytes with a DP slave.
 #[test]
 fn libcifx_drives_the_netx() {
     if std::env::var_os("COMMRAM_LIBCIFX").is_none() {
@@ -176,7 +177,8 @@ fn libcifx_drives_the_netx() {
     let outcome = finish(Command::new(script).arg(env!("CARGO_BIN_EXE_commram")));
     let steps = outcome.ok();
     let passed = |step: &str| steps.lines().filter(|line| line.ends_with(step)).count();
-    assert_eq!((passed("done"), passed("communicating without triggers")), (2, 2), "{steps}");
+    assert_eq!((passed("done"), passed("communicating without triggers")), (3, 2), "{steps}");
+    assert_eq!(passed("DP slave: outputs 12 34, inputs 56 78"), 1, "{steps}");
 }
 
 /// Each mistake in an exercise has its file and the correct form.

@@ -3,6 +3,7 @@
  *
  *     oracle IMAGE          in real time
  *     oracle IMAGE stepped  in emulated time: the time waits for the library, and its pauses and clock are emulated
+ *     oracle IMAGE slave    in real time, only the exchange with the DP slave of the card
  *
  * Prints a line for each step, and ends with exit code 1 at the first step with another result than expected. tools/netx/run builds it.
  */
@@ -326,12 +327,31 @@ static void system_reset(void)
     exchange("after a reset of the system", 3);
 }
 
+/* Sends outputs to the DP slave until its program has answered with inputs. */
+static void slave(void)
+{
+    static const unsigned char out[2] = { 0x12, 0x34 }, right[2] = { 0x56, 0x78 };
+    unsigned char in[2] = { 0, 0 };
+    unsigned waited_ms;
+    start_bus();
+    for (waited_ms = 0; memcmp(in, right, sizeof right); waited_ms += 10) {
+        if (waited_ms > LONGEST_TURN_MS)
+            fail("the inputs of the slave are %02X %02X", in[0], in[1]);
+        expect("xChannelIOWrite", xChannelIOWrite(channel, 0, 0, sizeof out, (void *)out, TIMEOUT_MS), CIFX_NO_ERROR);
+        expect("xChannelIORead", xChannelIORead(channel, 0, 0, sizeof in, in, TIMEOUT_MS), CIFX_NO_ERROR);
+        __wrap_OS_Sleep(10);
+    }
+    report("DP slave: outputs %02X %02X, inputs %02X %02X", out[0], out[1], in[0], in[1]);
+}
+
 int main(int argc, char **argv)
 {
     commram_result result;
+    int has_slave = argc == 3 && !strcmp(argv[2], "slave");
     setvbuf(stdout, NULL, _IOLBF, 0);
-    if (argc < 2 || argc > 3) {
-        fprintf(stderr, "usage: oracle IMAGE [stepped]\n");
+    is_stepped = argc == 3 && !strcmp(argv[2], "stepped");
+    if (argc != 2 && !is_stepped && !has_slave) {
+        fprintf(stderr, "usage: oracle IMAGE [stepped|slave]\n");
         return 2;
     }
     result = commram_attach(&ram, argv[1], 1);
@@ -339,7 +359,6 @@ int main(int argc, char **argv)
         fprintf(stderr, "%s: %s\n", argv[1], commram_text(result));
         return 2;
     }
-    is_stepped = argc == 3;
     if (is_stepped) {
         result = commram_join(&ram, &task, COMMRAM_SEAT_ORDERS, LONGEST_TURN_MS, LONGEST_TURN_MS);
         if (result != COMMRAM_DONE)
@@ -351,10 +370,14 @@ int main(int argc, char **argv)
     await_firmware();
     open_card(ram.base + 4096);
     open_channel();
-    packets();
-    process_data();
-    watchdog();
-    system_reset();
+    if (has_slave) {
+        slave();
+    } else {
+        packets();
+        process_data();
+        watchdog();
+        system_reset();
+    }
     xChannelClose(channel);
     xSysdeviceClose(device);
     xDriverClose(driver);
