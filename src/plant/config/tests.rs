@@ -117,7 +117,7 @@ fn each_mistake_is_named() {
         (format!("bus = 1\n{plc}"), "test.toml: line 1: [[bus]]"),
         (
             format!("{plc}colour = 1\n"),
-            "test.toml: line 3: unknown field `colour`; the keys of [[plc]] are: name, ",
+            "test.toml: line 3: unknown field `colour`; the keys of [[plc]] are: option, name, ",
         ),
         (
             format!("{plc}{bus}kbits = 500\n"),
