@@ -134,6 +134,13 @@ impl Client {
         self.cancel = Some(cancel);
     }
 
+    /// True if the emulator of this connection still runs. A client that only uses what it has read from the emulator
+    /// notices its end in no other way.
+    #[cfg(feature = "web")]
+    pub(crate) fn is_served(&self) -> bool {
+        self.is_emulator_alive()
+    }
+
     /// True if another program has shortened a part of the channel. If the client then sends a request or
     /// leaves the channel, it may read zeros.
     #[cfg(feature = "web")]

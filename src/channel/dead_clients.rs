@@ -1,16 +1,18 @@
-//! Finds clients that have died during their requests.
+//! Finds clients that have died.
 //!
-//! A killed client cannot withdraw its request, so the request looks as if the client still waited. iceoryx2 can detect
-//! the dead node of the client. This query needs system calls, and in a damaged channel it may never return, so a
-//! separate thread runs it at intervals.
+//! A killed client cannot withdraw its request, so the request looks as if the client still waited. It also leaves its
+//! snapshots. iceoryx2 can detect the dead node of the client. This query needs system calls, and in a damaged channel
+//! it may never return, so a separate thread runs it at intervals.
 
 use super::domain::Domain;
 use iceoryx2::identifiers::UniqueNodeId;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// Real time between two searches for dead clients.
-const INTERVAL: Duration = Duration::from_millis(200);
+/// Real time between two searches for dead clients, while requests wait.
+pub(super) const INTERVAL: Duration = Duration::from_millis(200);
+/// The same while no request waits, and a dead client could only have left snapshots or files.
+pub(super) const LONG_INTERVAL: Duration = Duration::from_secs(2);
 
 /// Queries iceoryx2 for dead clients.
 #[derive(Default)]
@@ -21,21 +23,21 @@ pub(super) struct DeadClients {
 }
 
 impl DeadClients {
-    /// Returns the nodes that were found dead since the last call. A call takes almost no time while there is no
-    /// result.
-    pub(crate) fn look(&mut self, domain: &Domain) -> Vec<UniqueNodeId> {
+    /// Returns the nodes that the last query has found dead; `None` if there is no new result. Such a call takes almost
+    /// no time. A new query begins `interval` after the last one.
+    pub(crate) fn look(&mut self, domain: &Domain, interval: Duration) -> Option<Vec<UniqueNodeId>> {
         if let Some(answer) = &self.asked {
             return match answer.try_recv() {
                 // A query that never returns is not repeated.
-                Err(TryRecvError::Empty) => Vec::new(),
+                Err(TryRecvError::Empty) => None,
                 answer => {
                     self.asked = None;
-                    answer.unwrap_or_default()
+                    answer.ok()
                 }
             };
         }
         let last = *self.last.get_or_insert_with(Instant::now);
-        if last.elapsed() >= INTERVAL {
+        if last.elapsed() >= interval {
             self.last = Some(Instant::now());
             let (send, receive) = mpsc::channel();
             let domain = domain.clone();
@@ -43,6 +45,6 @@ impl DeadClients {
             // If the thread cannot be started, the next call tries again.
             self.asked = thread.spawn(move || send.send(domain.dead_nodes())).ok().map(|_| receive);
         }
-        Vec::new()
+        None
     }
 }

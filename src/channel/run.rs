@@ -78,8 +78,17 @@ impl Run {
 
     /// True if an operation requests the emulator to end.
     pub(crate) fn asks_to_end(ops: &[WireOp]) -> bool {
-        let stop = WireOp::from(&Op::Stop).kind;
-        ops.iter().any(|op| op.kind == stop)
+        Self::contains(ops, Op::Stop)
+    }
+
+    /// True if an operation keeps a snapshot.
+    pub(crate) fn asks_to_save(ops: &[WireOp]) -> bool {
+        Self::contains(ops, Op::Save)
+    }
+
+    fn contains(ops: &[WireOp], op: Op) -> bool {
+        let kind = WireOp::from(&op).kind;
+        ops.iter().any(|op| op.kind == kind)
     }
 
     /// True if all operations only read the plant.

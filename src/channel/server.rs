@@ -12,7 +12,7 @@ pub(crate) use super::domain::MAX_CLIENTS;
 pub use error::ServerError;
 pub use watch::ChannelWatch;
 
-use super::dead_clients::DeadClients;
+use super::dead_clients::{DeadClients, INTERVAL, LONG_INTERVAL};
 use super::domain::{Domain, Ipc, Service};
 use super::limit::{self, LimitError};
 use super::passage::ChannelSite;
@@ -152,21 +152,27 @@ impl Server {
     /// Returns the number of answered requests. If the number is not zero, more requests may have arrived
     /// during the call.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
-        self.forget_dead_clients();
+        self.forget_departed_clients(host);
         let answered = if host.is_stepped() { self.resume(host) } else { self.retry(host) };
         answered + self.receive(host)
     }
 
-    /// Drops requests of clients that have given up or died.
-    fn forget_dead_clients(&mut self) {
-        if self.waiting.is_empty() {
+    /// Drops requests of clients that have given up or died, and everything that departed clients have left in the host.
+    fn forget_departed_clients(&mut self, host: &mut dyn Host) {
+        let has_belongings = host.plant_and_travel().1.belongs_to_clients();
+        if self.waiting.is_empty() && !has_belongings {
             return;
         }
-        let dead = self.departed.look(&self.domain);
-        let clients = if dead.is_empty() { Default::default() } else { self.clients_of(&dead) };
+        let interval = if self.waiting.is_empty() { LONG_INTERVAL } else { INTERVAL };
+        let dead = self.departed.look(&self.domain, interval);
+        if has_belongings && let Some(dead) = &dead {
+            self.release_belongings(host, dead);
+        }
+        let dead = dead.unwrap_or_default();
+        let clients = if dead.is_empty() { Vec::new() } else { self.clients(|node| dead.contains(&node)) };
         let (spare, mut at) = (&mut self.spare, 0);
         while let Some((request, _)) = self.waiting.get(at) {
-            if request.is_connected() && !clients.contains(&request.origin()) {
+            if request.is_connected() && !clients.contains(&request.origin().value()) {
                 at += 1;
             } else {
                 spare.push(self.waiting.remove(at).1);
@@ -174,13 +180,29 @@ impl Server {
         }
     }
 
-    /// Returns the clients on these nodes.
-    fn clients_of(&self, nodes: &[UniqueNodeId]) -> Vec<UniqueClientId> {
+    /// Deletes the snapshots and files of clients that have left the channel, or whose node is `dead`.
+    fn release_belongings(&self, host: &mut dyn Host, dead: &[UniqueNodeId]) {
+        let present = self.clients(|node| !dead.contains(&node));
+        host.plant_and_travel().1.release_departed(|client| present.contains(&client));
+    }
+
+    /// Releases the snapshots of departed clients before a request that would be refused because of them.
+    fn make_room(&mut self, host: &mut dyn Host, request: &Request) {
+        if Run::asks_to_save(request.payload()) && host.plant_and_travel().1.is_nearly_full() {
+            let domain = self.domain.clone();
+            // In a damaged channel the query may not return. Snapshots of dead clients then stay.
+            let dead = limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()).unwrap_or_default();
+            self.release_belongings(host, &dead);
+        }
+    }
+
+    /// Returns the numbers of the connected clients on nodes for which `is_wanted` is true.
+    fn clients(&self, is_wanted: impl Fn(UniqueNodeId) -> bool) -> Vec<u128> {
         let mut clients = Vec::new();
         if let Some(service) = &self.service {
             service.dynamic_config().list_clients(|client| {
-                if nodes.contains(&client.node_id) {
-                    clients.push(client.client_id);
+                if is_wanted(client.node_id) {
+                    clients.push(client.client_id.value());
                 }
                 CallbackProgression::Continue
             });
@@ -239,6 +261,7 @@ impl Server {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset(request.origin().value());
+            self.make_room(host, &request);
             if Run::asks_to_end(request.payload()) {
                 run.set_process(self.process_of(request.origin()));
             }

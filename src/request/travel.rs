@@ -8,6 +8,7 @@
 
 mod back;
 mod file;
+mod kept;
 mod stretch;
 #[cfg(test)]
 mod tests;
@@ -15,16 +16,15 @@ mod tests;
 pub(super) use back::{back, back_to_start, back_until};
 use file::IncomingFiles;
 pub(super) use file::{read, restore, take_in};
+use kept::KeptSnapshots;
 pub(super) use stretch::Store;
 
 use super::{Code, Host, Refused};
 use crate::plant::{Plant, Snapshot};
 use crate::time;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use stretch::Stretch;
 
-/// Maximum number of snapshots that clients keep at a time.
-const MAX_SAVED: usize = 64;
 /// Emulated time between two snapshots while the clock only advances. So a return computes at most this time again.
 const STRETCH_US: u64 = 10_000_000;
 /// Shortest emulated time between two snapshots that are taken at the beginning of operations. Programs that map the
@@ -34,10 +34,8 @@ const PAUSE_US: u64 = 100_000;
 /// The history by which the plant can return to an earlier moment.
 #[derive(Debug)]
 pub struct Travel {
-    /// Snapshots that clients have requested, by their numbers.
-    saved: BTreeMap<u32, KeptSnapshot>,
-    /// Number of the last snapshot that a client has requested.
-    last: u32,
+    /// Snapshots that clients have requested.
+    saved: KeptSnapshots,
     /// A snapshot as a file that a client is reading.
     leaving: (u32, Vec<u8>),
     /// Files that clients are sending.
@@ -55,16 +53,6 @@ pub struct Travel {
     came_from_elsewhere: bool,
 }
 
-#[derive(Debug)]
-struct KeptSnapshot {
-    snapshot: Snapshot,
-    /// Number of events in the journal at the time of the snapshot.
-    written: u64,
-    /// True if the plant has reached its present state from the snapshot, without a return or another snapshot in
-    /// between.
-    is_behind: bool,
-}
-
 impl Default for Travel {
     fn default() -> Self {
         Self::new(Self::DEFAULT_BYTES)
@@ -79,8 +67,7 @@ impl Travel {
     #[must_use]
     pub fn new(most: usize) -> Self {
         Travel {
-            saved: BTreeMap::new(),
-            last: 0,
+            saved: KeptSnapshots::default(),
             leaving: (0, Vec::new()),
             coming: IncomingFiles::default(),
             start: None,
@@ -101,6 +88,35 @@ impl Travel {
     /// Called before or after a client changes the plant in a way that the history does not record.
     pub fn touch(&mut self) {
         self.is_touched = true;
+    }
+
+    /// True if a client of a channel keeps snapshots or is sending a file.
+    #[cfg(feature = "channel")]
+    pub(crate) fn belongs_to_clients(&self) -> bool {
+        self.saved.any_of_clients() || !self.coming.is_empty()
+    }
+
+    /// True if another snapshot of a client may have no place.
+    #[cfg(feature = "channel")]
+    pub(crate) fn is_nearly_full(&self) -> bool {
+        self.saved.is_nearly_full()
+    }
+
+    /// Deletes the snapshots and files of clients for which `is_present` is false. Client 0, the emulator's own
+    /// process, is always present.
+    #[cfg(feature = "channel")]
+    pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
+        let is_present = |client| client == 0 || is_present(client);
+        self.saved.release(is_present);
+        self.coming.release(is_present);
+        self.drop_unread();
+    }
+
+    /// Drops the file of a snapshot that is no longer kept, if a client has read only a part of it.
+    fn drop_unread(&mut self) {
+        if !self.saved.contains(self.leaving.0) {
+            self.leaving = (0, Vec::new());
+        }
     }
 
     /// Records a store of an operation.
@@ -158,7 +174,7 @@ impl Travel {
             last.ends_here(plant);
             self.size -= before - last.size();
         }
-        self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
+        self.saved.is_at(written);
     }
 
     /// Called like [`Travel::is_at`], if the plant has returned to a state without the actions that clients made at
@@ -185,7 +201,7 @@ impl Travel {
         self.start = None;
         self.size = 0;
         self.came_from_elsewhere = true;
-        self.saved.values_mut().for_each(|saved| saved.is_behind = false);
+        self.saved.is_elsewhere();
     }
 
     /// Called when devices have taken over changed files: the plant can then no longer repeat its history.
@@ -252,37 +268,30 @@ pub(super) fn arrived(host: &mut dyn Host) {
     }
 }
 
-/// Keeps a snapshot. Returns its number.
-pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
+/// Keeps a snapshot for a client. Returns its number.
+pub(super) fn save(host: &mut dyn Host, client: u128) -> Result<u32, Refused> {
     stepped(host)?;
     let (plant, travel) = host.plant_and_travel();
-    if travel.saved.len() >= MAX_SAVED {
-        let text = format_args!(
-            "{MAX_SAVED} snapshots are kept, which is the maximum: in a scenario, keep the number of an earlier save() and \
-             go back to that, or split the scenario; another client can forget one (operation `forget`)"
-        );
-        return Err(Refused::new(Code::SNAPSHOT, text));
-    }
-    travel.last = travel.last.wrapping_add(1).max(1);
+    let number = travel.saved.keep(client, plant)?;
     // Stores after this call must not count as stores before the snapshot, even if the clock does not advance in
     // between.
     travel.touch();
-    let (snapshot, written) = (plant.snapshot(), plant.journal().written());
-    travel.saved.insert(travel.last, KeptSnapshot { snapshot, written, is_behind: true });
-    Ok(travel.last)
+    Ok(number)
 }
 
 /// Deletes a kept snapshot.
 pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
-    travel.saved.remove(&number).map(drop).ok_or_else(|| unknown(number))
+    travel.saved.forget(number)?;
+    travel.drop_unread();
+    Ok(())
 }
 
 /// Restores a kept snapshot.
 pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let (_, travel) = host.plant_and_travel();
-    let saved = travel.saved.get(&number).ok_or_else(|| unknown(number))?;
+    let saved = travel.saved.get(number)?;
     let (snapshot, is_behind) = (saved.snapshot.clone(), saved.is_behind);
     go_to(host, &snapshot, is_behind)?;
     let (plant, travel) = host.plant_and_travel();
@@ -291,7 +300,7 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
     } else {
         travel.is_elsewhere()
     }
-    if let Some(saved) = travel.saved.get_mut(&number) {
+    if let Ok(saved) = travel.saved.get(number) {
         saved.is_behind = true;
     }
     host.has_travelled();

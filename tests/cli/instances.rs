@@ -58,6 +58,8 @@ fn the_speed_of_a_real_time_clock_can_be_changed() {
     assert_eq!(paused["speed"], 0.0);
     assert!(emulator.run("status", &[]).ok().contains("clock real time, paused\n"));
     assert_eq!(now()["time_us"], paused["time_us"]);
+    let waits = emulator.run("wait", &["node2.w_OPTION_STATUS==16#FFFF", "--within", "10ms"]);
+    assert!(waits.fails(3).contains("its clock is paused (`commram speed 1` continues it)"), "{waits:?}");
     let seconds = paused["time_us"].as_u64().unwrap() as f64 / 1e6;
     assert_eq!(speed("1000"), format!("{seconds:.6} s\n"), "it continues from there");
     emulator.run("wait", &["node2.w_OPTION_STATUS!=16#FFFF"]).ok();

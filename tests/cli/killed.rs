@@ -4,6 +4,7 @@ use crate::common::{
     Emulator, Outcome, eventually, files_of, finish, in_mount_namespace, promised, remove_remains, run, stat,
     unique_name,
 };
+use std::io::{BufRead, BufReader, Write};
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
@@ -28,6 +29,29 @@ fn a_killed_client_does_not_disturb_the_others() {
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10s"]).ok();
     patient.join().unwrap().ok();
+}
+
+/// The snapshots of `save` end with the shell that keeps them, whether it was killed or has ended.
+#[test]
+fn snapshots_of_an_ended_shell_take_no_place() {
+    let emulator = Emulator::stepped();
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("a.snap").display().to_string();
+    for is_killed in [true, false] {
+        let mut command = emulator.command("shell", &[]);
+        let mut shell =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut input = shell.stdin.take().unwrap();
+        input.write_all(b"for i in 0..64 { save(); } print(\"saved\");\n").unwrap();
+        let lines = BufReader::new(shell.stdout.take().unwrap()).lines();
+        assert!(lines.map_while(Result::ok).any(|line| line.contains("saved")));
+        if is_killed {
+            shell.kill().unwrap();
+        }
+        drop(input);
+        shell.wait().unwrap();
+        emulator.run("snapshot", &[&file]).ok();
+    }
 }
 
 #[test]

@@ -2,11 +2,11 @@
 
 use super::rig::{Emulator, InstanceFiles, LONG, is_gone, serve};
 use crate::channel::client::Patience;
-use crate::channel::{Bells, ClientError};
+use crate::channel::{Bells, Client, ClientError};
 use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
-use crate::request::{MAX_ADVANCE_US, Op};
+use crate::request::{MAX_ADVANCE_US, Op, Reply};
 use rustix::process::Pid;
 use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
@@ -74,6 +74,12 @@ fn child() {
                 client.poke(DeviceIndex(0), REG, Width::Dword, value).unwrap();
             }
         }
+        "saver" => {
+            let client = place.client();
+            while save(&client).is_ok() {}
+            client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+            std::thread::park();
+        }
         "idle" => {}
         other => panic!("no such role: {other}"),
     }
@@ -105,6 +111,41 @@ fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
     client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
     assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
     place.client().poke(DeviceIndex(0), REG, Width::Word, 2).unwrap();
+    drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+fn save(client: &Client) -> Result<u32, String> {
+    match client.request(&[Op::Save]).unwrap().remove(0) {
+        Reply::Value(number) => Ok(number),
+        Reply::Error(refused) => Err(refused.text),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The snapshots of a client end with the client, whether it was killed or has left.
+#[test]
+fn snapshots_of_departed_clients_take_no_place() {
+    let place = Arc::new(InstanceFiles::new());
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let own = save(&client).unwrap();
+    let other = Process::spawn(&place, "saver");
+    until("the child has taken all places", || client.peek(DeviceIndex(0), REG, Width::Word).unwrap() == 1);
+    let refused = save(&client).unwrap_err();
+    assert!(refused.contains("64 snapshots are kept"), "{refused}");
+    other.kill();
+    // The first request after the death finds places.
+    let second = save(&client).unwrap();
+    let leaving = place.client();
+    while save(&leaving).is_ok() {}
+    drop(leaving);
+    let third = save(&client).unwrap();
+    for number in [own, second, third] {
+        let reply = client.request(&[Op::BackTo { number, detached: false }]).unwrap().remove(0);
+        assert!(matches!(reply, Reply::Time(_)), "{reply:?}");
+    }
     drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());

@@ -88,6 +88,12 @@ impl Session {
         }
     }
 
+    /// True if the emulator of this connection still runs.
+    #[cfg(feature = "web")]
+    pub(crate) fn is_served(&self) -> bool {
+        matches!(&self.door, Access::Channel(client) if client.is_served())
+    }
+
     /// True if another program has shortened a part of the channel.
     #[cfg(feature = "web")]
     pub(crate) fn has_shortened_channel(&self) -> bool {
@@ -138,6 +144,7 @@ impl Session {
         CliError::Busy {
             instance: self.instance.clone(),
             after_ms: after.as_millis(),
+            is_paused: !info.is_stepped && info.speed == 0,
             time_us: info.time_us,
             waits_for: info.waits_for,
         }

@@ -6,7 +6,7 @@ use crate::request::{FilePart, Host, MAX_RANGE, Refused, Reply, Waited, travel};
 
 impl Work<'_> {
     pub(super) fn save(&mut self) -> Result<Reply, Refused> {
-        Ok(Reply::Value(travel::save(self.host)?))
+        Ok(Reply::Value(travel::save(self.host, self.execution.client)?))
     }
 
     pub(super) fn forget(&mut self, number: u32) -> Result<Reply, Refused> {

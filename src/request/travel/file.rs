@@ -1,6 +1,6 @@
 //! Snapshots as files, which are read and sent in parts.
 
-use super::{alone, unknown};
+use super::alone;
 use crate::plant::SnapshotFile;
 use crate::request::{Code, Host, Refused};
 use std::collections::VecDeque;
@@ -15,8 +15,8 @@ pub(in crate::request) fn read(
 ) -> Result<Vec<u8>, Refused> {
     let (plant, travel) = host.plant_and_travel();
     if travel.leaving.0 != number || from == 0 {
-        let saved = travel.saved.get(&number).ok_or_else(|| unknown(number))?;
-        travel.leaving = (number, plant.file_of(saved.snapshot.clone()).to_bytes());
+        let snapshot = travel.saved.get(number)?.snapshot.clone();
+        travel.leaving = (number, plant.file_of(snapshot).to_bytes());
     }
     let rest = travel.leaving.1.get(from as usize..).unwrap_or_default();
     let part = rest.get(..most).unwrap_or(rest).to_vec();
@@ -58,6 +58,18 @@ impl IncomingFiles {
             self.0.pop_front();
         }
         Ok(())
+    }
+
+    /// True if no client is sending a file.
+    #[cfg(feature = "channel")]
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Drops the files of clients for which `is_present` is false.
+    #[cfg(feature = "channel")]
+    pub(super) fn release(&mut self, is_present: impl Fn(u128) -> bool) {
+        self.0.retain(|(client, _)| is_present(*client));
     }
 
     /// Removes and returns the file of a client. The file is empty if the client has sent none.

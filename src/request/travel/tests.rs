@@ -1,5 +1,6 @@
 //! Going back by operations.
 
+use super::kept::{KeptSnapshots, MAX_KEPT};
 use super::*;
 use crate::identity::DeviceIndex;
 use crate::layout::{Compare, Test, Width};
@@ -315,7 +316,7 @@ fn the_history_is_bounded() {
     }
     let earliest = host.plant_and_travel().1.earliest().unwrap();
     assert!((18_000..29_000).contains(&earliest), "{earliest}");
-    for _ in 0..MAX_SAVED {
+    for _ in 0..MAX_KEPT {
         assert!(matches!(host.request(&[Op::Save])[..], [Reply::Value(_)]));
     }
     let (code, text) = host.refusal(Op::Save);
@@ -324,4 +325,25 @@ fn the_history_is_bounded() {
         text.starts_with("64 snapshots are kept, which is the maximum: in a scenario, keep the number"),
         "{text}"
     );
+}
+
+#[test]
+fn the_memory_of_kept_snapshots_is_bounded() {
+    let mut host = TestHost::new(true);
+    let size = host.plant.snapshot().size();
+    host.plant_and_travel().1.saved.most_bytes = 3 * size + size / 2;
+    let numbers = [(); 3].map(|()| {
+        let Reply::Value(number) = host.request(&[Op::Save]).remove(0) else { panic!("a number") };
+        number
+    });
+    let (code, text) = host.refusal(Op::Save);
+    assert_eq!(code, Code::SNAPSHOT);
+    assert!(text.starts_with("the 3 kept snapshots and this one need "), "{text}");
+    assert_eq!(host.request(&[Op::Forget { number: numbers[1] }]), [Reply::Written]);
+    assert!(matches!(host.request(&[Op::Save])[..], [Reply::Value(_)]));
+    // A snapshot alone may be larger.
+    let kept = &mut host.plant_and_travel().1.saved;
+    *kept = KeptSnapshots::default();
+    kept.most_bytes = 1;
+    assert!(matches!(host.request(&[Op::Save])[..], [Reply::Value(_)]));
 }
