@@ -16,27 +16,28 @@ use crate::snapshot_fields;
 
 mod baseline;
 mod header;
-mod owned;
+mod registers;
 pub mod rules;
 pub(crate) mod word;
+mod write_rules;
 
 pub(crate) use baseline::Baseline;
-pub(crate) use owned::OwnedWatch;
+pub(crate) use registers::RegisterWatch;
 #[cfg(test)]
-pub(crate) use owned::owned;
+pub(crate) use registers::with_rules;
 
 use crate::journal::Journal;
 use crate::layout::DeviceLayout;
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
 
-/// The watch for any device: over the header page, and over registers outside its ports that only the firmware writes.
+/// The watch for any device: over the header page, and over registers outside its ports that have rules for writes.
 pub struct DeviceWatch {
     header: HeaderWatch,
-    owned: OwnedWatch,
+    registers: RegisterWatch,
 }
 
-snapshot_fields!(DeviceWatch { parts: header, owned });
+snapshot_fields!(DeviceWatch { parts: header, registers });
 
 impl DeviceWatch {
     /// Creates the watch over device number `plc` of the plant, with the present registers as baseline.
@@ -50,7 +51,7 @@ impl DeviceWatch {
     ) -> Result<Self, MemoryError> {
         Ok(DeviceWatch {
             header: HeaderWatch::new(plc, segment)?,
-            owned: OwnedWatch::new(plc, segment, owned::owned(layout))?,
+            registers: RegisterWatch::of_device(plc, segment, layout)?,
         })
     }
 
@@ -58,14 +59,14 @@ impl DeviceWatch {
     #[inline]
     pub fn look(&mut self, now: u64, journal: &mut Journal) {
         self.header.look(now, journal);
-        self.owned.look(now, journal);
+        self.registers.look(now, journal);
     }
 
     /// Called after the firmware has run: stores the baseline.
     #[inline]
     pub fn leave(&mut self) {
         self.header.leave();
-        self.owned.leave();
+        self.registers.leave();
     }
 
     /// Called when the emulator has set the speed of the clock in the header page.
@@ -81,6 +82,6 @@ impl DeviceWatch {
 
     /// Called when a client has written `bytes` bytes at byte `offset` of the image through the channel.
     pub fn written(&mut self, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
-        self.owned.written(offset, bytes, now, journal);
+        self.registers.written(offset, bytes, now, journal);
     }
 }

@@ -125,3 +125,66 @@ fn overlaid_structures_that_have_no_clear_phase_are_refused() {
     let refused = areas.refused();
     assert!(refused.contains("has at most one such area"), "{refused}");
 }
+
+/// The rules are those of the valid structure, for writes through the channel and for stores in the image. Between the
+/// change of the phase and the next check, the order of stores is unknown.
+#[test]
+fn the_checker_uses_the_rules_of_the_valid_structure() {
+    let card = card("fn poll() {}");
+    let meaning = "meaning = 'level', ";
+    let path = card.dir().join("INI.toml");
+    let ini = fs::read_to_string(&path).unwrap();
+    let ini = ini.replace(
+        "name = 'u_INI', type = 'UINT', owner = 'plc'",
+        "name = 'u_INI', type = 'UINT', owner = 'firmware'",
+    );
+    fs::write(
+        &path,
+        ini.replace("owner = 'both', reset = 29", &format!("owner = 'both', {meaning}reset = 29")),
+    )
+    .unwrap();
+    let level = "[[meaning]]\nname = 'level'\npage = '1'\nvalue = [{ is = 29, text = 'default' }, { from = 50, to = 100, reserved = true }]\n";
+    fs::write(card.dir().join("level.toml"), level).unwrap();
+    change(&card, "names = 'manual'", "names = 'manual'\nparts = ['level.toml']");
+    let mut bench = card.bench();
+    let segment = bench.segment("").unwrap();
+    // Offsets of the registers in the image.
+    let [phase, value, number] = [4096, 4098, 4100];
+    let store = |offset, value| segment.store(offset, commram::memory::Width::Word, value).unwrap();
+    let found = |bench: &mut commram::script::Bench| {
+        let found = bench.findings().unwrap();
+        let found: Vec<_> =
+            found.iter().map(|it| format!("{} {}", it.last.rule.id(), bench.finding_place(it))).collect();
+        bench.clear_findings().unwrap();
+        found
+    };
+    bench.step("1ms").unwrap();
+    bench.poke("card.u_INI", 5).unwrap();
+    bench.poke("card.w_INI", 60).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(found(&mut bench), ["owner card.u_INI", "reserved-value card.w_INI"]);
+    store(number, 6);
+    store(value, 70);
+    bench.step("1ms").unwrap();
+    assert_eq!(found(&mut bench), ["reserved-value card.w_INI", "owner card.u_INI"]);
+    // The same addresses have no rules in the other phase.
+    bench.poke("card.w_PH", 12).unwrap();
+    bench.poke("card.u_RUN", 7).unwrap();
+    bench.step("1ms").unwrap();
+    store(number, 8);
+    store(value, 80);
+    bench.step("1ms").unwrap();
+    assert_eq!(found(&mut bench), [] as [String; 0]);
+    // A program enters a phase and writes registers at once.
+    store(number, 9);
+    store(phase, 0);
+    bench.step("1ms").unwrap();
+    assert_eq!(found(&mut bench), [] as [String; 0]);
+    let saved = bench.save().unwrap();
+    for _ in 0..2 {
+        store(number, 10);
+        bench.step("1ms").unwrap();
+        assert_eq!(found(&mut bench), ["owner card.u_INI"]);
+        bench.back_to(saved).unwrap();
+    }
+}

@@ -4,7 +4,7 @@ use super::Controller;
 use super::guest::NoFirmware;
 use super::port::{CanPort, CanSocket};
 use crate::can::ErrorState;
-use crate::check::OwnedWatch;
+use crate::check::RegisterWatch;
 use crate::devices::{BuildError, Context};
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields;
@@ -16,7 +16,7 @@ pub(super) struct Station {
     pub(super) port: Box<dyn CanPort>,
     pub(super) controller: Controller,
     /// The watch over the station's registers; `None` for a guest, which has no registers.
-    pub(super) watch: Option<OwnedWatch>,
+    pub(super) watch: Option<RegisterWatch>,
     /// Time at which the station got power, in ns.
     pub(super) on_since_ns: Option<u64>,
     /// Time since which the station takes part in the traffic, in ns.
@@ -49,7 +49,7 @@ snapshot_fields!(Station {
 });
 
 impl Station {
-    fn new(origin: Origin, base: u32, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {
+    fn new(origin: Origin, base: u32, port: Box<dyn CanPort>, watch: Option<RegisterWatch>) -> Self {
         Station {
             origin,
             base,
@@ -78,7 +78,7 @@ impl Station {
     pub(super) fn port(socket: CanSocket) -> Result<Self, BuildError> {
         let CanSocket { origin, segment, layout, port } = socket;
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
-        let watch = OwnedWatch::of_area(origin.plc, &segment, layout, area)?;
+        let watch = RegisterWatch::of_area(origin.plc, &segment, area)?;
         Ok(Station::new(origin, area.first, port, Some(watch)))
     }
 

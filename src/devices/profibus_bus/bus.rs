@@ -13,7 +13,7 @@ use super::guests::{Guests, guest_of};
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
-use crate::check::{OwnedWatch, rules};
+use crate::check::{RegisterWatch, rules};
 use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
@@ -41,7 +41,7 @@ pub(super) struct BusPort {
     base: u32,
     pub(super) port: Box<dyn ProfibusPort>,
     station: Station,
-    watch: OwnedWatch,
+    watch: RegisterWatch,
     is_on: bool,
 }
 
@@ -394,7 +394,7 @@ impl Bus for ProfibusBus {
             base: area.first,
             port,
             station: Station::new(self.slot_bits),
-            watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
+            watch: RegisterWatch::of_area(origin.plc, &segment, area)?,
             is_on: false,
         });
         Ok(self.ends.len() - 1)

@@ -10,7 +10,7 @@ use super::guests::{self, BusGuest, Guests, guest_of};
 use super::port::{LineState, SerialPort, SerialSocket};
 use super::records::{Disturbance, SerialError, SerialOctets};
 use crate::can::ErrorCounters;
-use crate::check::OwnedWatch;
+use crate::check::RegisterWatch;
 use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
@@ -41,7 +41,7 @@ struct BusPort {
     origin: Origin,
     base: u32,
     port: Box<dyn SerialPort>,
-    watch: OwnedWatch,
+    watch: RegisterWatch,
     /// True while the device has power.
     is_on: bool,
     /// True if the port has sent a character since it was switched on.
@@ -377,7 +377,7 @@ impl Bus for SerialBus {
             origin,
             base: area.first,
             port,
-            watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
+            watch: RegisterWatch::of_area(origin.plc, &segment, area)?,
             is_on: false,
             is_judged: false,
             free_from: 0,

@@ -107,4 +107,9 @@ impl BitField {
     pub const fn of(&self, value: u32) -> u32 {
         (value & self.mask()) >> self.first
     }
+
+    /// Returns the meaning of the field's value `part`, if it is known.
+    pub(crate) fn value(&self, part: u32) -> Option<&'static ValueMeaning> {
+        ValueMeaning::find(self.values, part)
+    }
 }

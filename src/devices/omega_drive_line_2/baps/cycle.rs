@@ -33,11 +33,8 @@ pub(crate) struct Cycle {
 }
 
 impl Cycle {
-    /// Bits of `w_COMMAND_REG` that are reserved and have no effect.
-    pub(super) const RESERVED: u16 = !(METHOD | SLICES | NUMBER);
-
-    /// Reads `w_COMMAND_REG`; `None` if method or number is a reserved value. The bits in `RESERVED` are
-    /// ignored (decision D-153).
+    /// Reads `w_COMMAND_REG`; `None` if method or number is a reserved value. Reserved bits are ignored (decision
+    /// D-153).
     pub(crate) fn from_register(word: u16) -> Option<Self> {
         let method = match word & METHOD {
             TIME_SLICE => Method::TimeSlice,

@@ -31,15 +31,13 @@ pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value:
 }
 
 /// Returns the cycle times in `w_COMMAND_REG`. If they are reserved values, reports this and returns `None`.
+/// The watch over registers reports reserved bits.
 pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<Cycle> {
     let word = regs.w_COMMAND_REG.load();
     let cycle = Cycle::from_register(word);
-    let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
     if cycle.is_none() {
+        let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
         find(ctx, &check::rules::RESERVED_VALUE, offset, word.into());
-    }
-    if word & Cycle::RESERVED != 0 {
-        find(ctx, &check::rules::RESERVED_BIT, offset, word.into());
     }
     cycle
 }
