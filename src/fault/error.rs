@@ -298,7 +298,14 @@ pub(super) fn list<T: AsRef<str>>(names: &[T]) -> String {
 
 /// Returns names of kinds.
 pub(super) fn kind_list(kinds: &[&FaultKind]) -> String {
-    list(&kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>())
+    let mut names: Vec<&str> = Vec::new();
+    for kind in kinds {
+        // Several devices may declare kinds of one name.
+        if !names.contains(&kind.name()) {
+            names.push(kind.name());
+        }
+    }
+    list(&names)
 }
 
 /// Returns names of a device's ports.

@@ -3,6 +3,7 @@
 
 use super::field::{Field, Form};
 use super::{Effect, Fault, MAX_AT_US, MAX_DURATION_US};
+use crate::layout::DeviceFit;
 use core::fmt;
 use core::hash::{Hash, Hasher};
 
@@ -41,6 +42,8 @@ pub(crate) fn is_declared(number: u8) -> bool {
 pub struct FaultKind {
     number: u8,
     declaration: Option<Declaration>,
+    /// Number of all declarations of the folder that declares this kind; 0 for a kind of commram.
+    declarations: u64,
     name: &'static str,
     place: TargetKind,
     about: &'static str,
@@ -125,6 +128,7 @@ impl FaultKind {
         FaultKind {
             number,
             declaration: None,
+            declarations: 0,
             name,
             place,
             about,
@@ -165,10 +169,12 @@ impl FaultKind {
     }
 
     /// Creates a kind without hits that a device in a folder declares; it acts on this device. The caller must have
-    /// checked that the fields do not exceed [`MAX_FIELDS`] and [`DECLARED_BITS`].
+    /// checked that the fields do not exceed [`MAX_FIELDS`] and [`DECLARED_BITS`]. `declarations` is the number of all
+    /// declarations of the folder.
     pub(crate) fn declared(
         index: u8,
         declaration: Declaration,
+        declarations: u64,
         name: &'static str,
         about: &'static str,
         fields: &'static [Field],
@@ -176,12 +182,22 @@ impl FaultKind {
     ) -> Self {
         let number = FIRST_DECLARED + index;
         let kind = FaultKind::new(number, name, TargetKind::Device, about, effect).without_hits();
-        FaultKind { declaration: Some(declaration), fields, ..kind }
+        FaultKind { declaration: Some(declaration), declarations, fields, ..kind }
+    }
+
+    /// True if the device declares this kind in its folder.
+    pub(crate) fn is_declared_by(&self, device: &DeviceFit) -> bool {
+        self.declaration.is_some() && self.declarations == device.declarations()
     }
 
     /// Returns the declaration of the kind, if a device in a folder declares it.
     pub(crate) fn declaration(&self) -> Option<Declaration> {
         self.declaration
+    }
+
+    /// Returns the number of the declarations of a device with these kinds; 0 if it declares none.
+    pub(crate) fn declarations_of(kinds: &[&'static FaultKind]) -> u64 {
+        kinds.iter().map(|kind| kind.declarations).find(|number| *number != 0).unwrap_or(0)
     }
 
     /// Gives the kind an example for the help.

@@ -26,8 +26,8 @@ impl FaultSpec {
         Reader::new(self, kind, kinds, names)?.fault()
     }
 
-    /// Returns the kind of this description. Several devices in folders may declare kinds of the same name; then the
-    /// kind is that of the device in the description.
+    /// Returns the kind of this description. Several devices in folders may declare kinds of the same name. Then the
+    /// kind is that of the device in the description; without a device, it is a kind that has the given fields.
     fn chosen(&self, kinds: &[&'static FaultKind], names: &Names) -> Option<&'static FaultKind> {
         let first = named(&self.kind, kinds)?;
         let field = TargetKind::Device.fields()[0];
@@ -35,21 +35,29 @@ impl FaultSpec {
             FieldValue::Text(device) if field.is_called(name) => Some(device),
             _ => None,
         });
-        let device = names.plcs.iter().position(|known| Some(known) == device);
-        let device = device.map(|index| names.device(DeviceIndex::at(index)).name);
-        let same = kinds.iter().copied().filter(|kind| kind.name() == first.name());
-        let mut declared = same.filter(|kind| kind.declaration().map(|it| it.device) == device);
-        // A process may have read several versions of a device folder. The kind that was declared last belongs to the
-        // present version.
-        Some(declared.next_back().filter(|_| device.is_some()).unwrap_or(first))
+        let mut same = kinds.iter().copied().filter(|kind| kind.name() == first.name());
+        let found = match device {
+            Some(device) => {
+                let index = names.plcs.iter().position(|known| known == device);
+                let device = index.map(|index| names.fitted(DeviceIndex::at(index)));
+                same.find(|kind| device.is_some_and(|device| kind.is_declared_by(&device)))
+            }
+            None => {
+                let has = |kind: &'static FaultKind, name: &str| {
+                    kind.all_fields().any(|field| field.is_called(name))
+                };
+                same.find(|kind| self.fields.iter().all(|(name, _)| has(kind, name)))
+            }
+        };
+        Some(found.unwrap_or(first))
     }
 }
 
-/// Returns the kinds without those that devices outside of the installation declare.
+/// Returns the kinds without those that devices outside of the installation declare. A process may have read several
+/// versions of a device folder; only the versions in the installation count.
 pub(crate) fn in_installation(kinds: &[&'static FaultKind], names: &Names) -> Vec<&'static FaultKind> {
-    let has =
-        |device| (0..names.devices.len()).any(|index| names.device(DeviceIndex::at(index)).name == device);
-    let is_possible = |kind: &&FaultKind| kind.declaration().is_none_or(|it| has(it.device));
+    let is_declared = |kind: &FaultKind| names.devices.iter().any(|device| kind.is_declared_by(device));
+    let is_possible = |kind: &&FaultKind| kind.declaration().is_none() || is_declared(kind);
     kinds.iter().copied().filter(is_possible).collect()
 }
 
@@ -89,13 +97,10 @@ impl<'a> Reader<'a> {
             }
             given.push((field, value));
         }
-        let declarations = || {
-            let same = kinds.iter().filter(|other| other.name() == kind.name());
-            same.filter_map(|kind| kind.declaration())
-        };
         let declares = |index| {
-            let device = names.device(DeviceIndex::at(index)).name;
-            declarations().any(|declaration| declaration.device == device)
+            let device = names.fitted(DeviceIndex::at(index));
+            let mut same = kinds.iter().filter(|other| other.name() == kind.name());
+            same.any(|kind| kind.is_declared_by(&device))
         };
         let named = names.plcs.iter().enumerate();
         let declaring = named.filter(|(index, _)| declares(*index)).map(|(_, name)| name.clone()).collect();

@@ -49,13 +49,15 @@ pub struct DeviceFit {
     device: &'static DeviceLayout,
     /// Options of the ports, in the order of the device's ports.
     ports: [Fit; MOST_PORTS],
+    /// Number of the declarations in the folder of the device, which belong to no register; 0 if there are none.
+    declarations: u64,
 }
 
 impl DeviceFit {
     /// Returns the device without known facts about its ports.
     #[must_use]
     pub fn unknown(device: &'static DeviceLayout) -> Self {
-        let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS] };
+        let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS], declarations: 0 };
         for (fit, port) in fitted.ports.iter_mut().zip(device.ports) {
             *fit = port.role().map_or(Fit::Unknown, Fit::As);
         }
@@ -68,6 +70,18 @@ impl DeviceFit {
         let ports = self.ports.iter_mut().zip(self.device.ports);
         ports.filter(|(_, port)| port.number == number).for_each(|(known, _)| *known = fit);
         self
+    }
+
+    /// Sets the number of the declarations in the folder of the device.
+    #[must_use]
+    pub(crate) fn declaring(self, declarations: u64) -> Self {
+        Self { declarations, ..self }
+    }
+
+    /// Returns the number of the declarations in the folder of the device; 0 if there are none. Devices with equal
+    /// registers may have different declarations.
+    pub(crate) const fn declarations(&self) -> u64 {
+        self.declarations
     }
 
     /// Returns the layout of the device.

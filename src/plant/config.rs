@@ -155,7 +155,8 @@ impl PlantConfig {
     pub(crate) fn fault_kinds(&self) -> Vec<&'static FaultKind> {
         let mut kinds = devices::fault_kinds().to_vec();
         for kind in self.devices.iter().flat_map(|device| device.fault_kinds()) {
-            if !kinds.contains(kind) {
+            // Equal kinds of different folders count separately.
+            if !kinds.iter().any(|known| core::ptr::eq(*known, *kind)) {
                 kinds.push(kind);
             }
         }
@@ -163,10 +164,14 @@ impl PlantConfig {
     }
 
     fn names(&self) -> Names {
+        let fitted = |device: &dyn DeviceConfig| {
+            let declarations = FaultKind::declarations_of(device.fault_kinds());
+            DeviceFit::unknown(device.layout()).declaring(declarations)
+        };
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.buses.iter().map(|bus| bus.name().to_owned()).collect(),
-            devices: self.devices.iter().map(|device| DeviceFit::unknown(device.layout())).collect(),
+            devices: self.devices.iter().map(|device| fitted(&**device)).collect(),
         }
     }
 

@@ -38,10 +38,10 @@ pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 use crate::check::DeviceWatch;
 use crate::devices::{BUS_KINDS, BuildError, Bus, CardMemory, Context, Device, Events, World};
 use crate::due_queue::{DueQueue, NEVER};
-use crate::fault::Faults;
+use crate::fault::{FaultKind, Faults};
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{By, Journal, Late, Names, Origin};
-use crate::layout::DeviceLayout as Layout;
+use crate::layout::{DeviceFit, DeviceLayout as Layout};
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use cards::PluggedCard;
 use core::num::NonZero;
@@ -540,7 +540,7 @@ impl Plant {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.bus_names().map(str::to_owned).collect(),
-            devices: self.devices.iter().map(|device| device.fitted()).collect(),
+            devices: self.devices.iter().map(|device| fitted(&**device)).collect(),
         }
     }
 
@@ -553,6 +553,11 @@ impl Plant {
     pub fn clear_findings(&mut self) {
         self.journal.clear_findings();
     }
+}
+
+/// Returns the device with its options and the number of its declarations.
+fn fitted(device: &dyn Device) -> DeviceFit {
+    device.fitted().declaring(FaultKind::declarations_of(device.fault_kinds()))
 }
 
 /// Returns the devices with firmware in a folder.

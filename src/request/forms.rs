@@ -111,6 +111,9 @@ struct FaultForm {
     /// Name of the device in a folder that declares the kind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     device: Option<String>,
+    /// Number of the declaration. Several folders, or versions of a folder, may declare a kind of this name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    declaration: Option<u32>,
     index: u16,
     number: u8,
     values: BTreeMap<String, u64>,
@@ -127,6 +130,7 @@ impl From<&Fault> for FaultForm {
         FaultForm {
             kind,
             device: fault.kind().declaration().map(|declaration| declaration.device.to_owned()),
+            declaration: fault.kind().declaration().map(|declaration| declaration.id),
             index,
             number,
             values: values.collect(),
@@ -139,11 +143,12 @@ impl From<&Fault> for FaultForm {
 impl FaultForm {
     fn read(mut self) -> Option<Fault> {
         let is_it = |kind: &&&'static FaultKind| {
-            let device = kind.declaration().map(|declaration| declaration.device);
-            kind.name() == self.kind && device == self.device.as_deref()
+            let declaration = kind.declaration();
+            let device = declaration.map(|declaration| declaration.device);
+            let is_meant = self.declaration.is_none_or(|id| declaration.is_some_and(|it| it.id == id));
+            kind.name() == self.kind && device == self.device.as_deref() && is_meant
         };
-        // A process may have read several versions of a device folder. The kind that was declared last belongs to the
-        // present version.
+        // Without the number of the declaration, the kind that was declared last belongs to the present version.
         let kinds = devices::known_fault_kinds();
         let kind = kinds.iter().rev().find(is_it)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));

@@ -14,9 +14,9 @@ struct Sent {
     devices: Vec<SentDevice>,
 }
 
-/// A device: hash of its layout, and its ports in their order.
+/// A device: hash of its layout, its ports in their order, and the number of its declarations.
 #[derive(Serialize, Deserialize)]
-struct SentDevice(u64, Vec<SentFit>);
+struct SentDevice(u64, Vec<SentFit>, u64);
 
 #[derive(Serialize, Deserialize)]
 enum SentFit {
@@ -56,19 +56,20 @@ pub(super) fn serialize<S: Serializer>(names: &Names, serializer: S) -> Result<S
     let device = |fitted: &DeviceFit| {
         let layout = fitted.device();
         let ports = layout.ports.iter().map(|port| fitted.port(port.number).into());
-        SentDevice(layout.layout_hash, ports.collect())
+        SentDevice(layout.layout_hash, ports.collect(), fitted.declarations())
     };
     Sent { plcs, buses, devices: devices.iter().map(device).collect() }.serialize(serializer)
 }
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Names, D::Error> {
     let Sent { plcs, buses, devices } = Sent::deserialize(deserializer)?;
-    let device = |SentDevice(hash, fits): SentDevice| {
+    let device = |SentDevice(hash, fits, declarations): SentDevice| {
         let known = devices::of_hash(hash).map(|known| known.layout);
         let layout =
             known.ok_or_else(|| D::Error::custom(format_args!("no device has layout 16#{hash:016X}")))?;
         let ports = layout.ports.iter().zip(fits);
-        Ok(ports.fold(DeviceFit::unknown(layout), |known, (port, fit)| known.with(port.number, fit.into())))
+        let device = DeviceFit::unknown(layout).declaring(declarations);
+        Ok(ports.fold(device, |known, (port, fit)| known.with(port.number, fit.into())))
     };
     Ok(Names { plcs, buses, devices: devices.into_iter().map(device).collect::<Result<_, _>>()? })
 }

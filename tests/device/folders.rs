@@ -405,6 +405,134 @@ fn fault(name, on, fields) {
 }
 ";
 
+/// The register map of a folder has the same rules as that of a device of commram: for writes through the channel and
+/// stores in the image, with and without a script.
+#[test]
+fn the_checker_reports_reserved_registers_bits_and_values() {
+    for script in [Some("fn poll() {}"), None] {
+        let card = Card::new(script.unwrap_or_default());
+        if script.is_none() {
+            fs::remove_file(card.dir().join("firmware.rhai")).unwrap();
+        }
+        let registers = "register = [
+  { offset = 0, name = 'b_A', type = 'BYTE', owner = 'plc', meaning = 'bits', doc = 'A' },
+  { offset = 1, name = 'b_B', type = 'BYTE', owner = 'both', meaning = 'values', doc = 'B' },
+  { offset = 2, name = 'b_C', type = 'BYTE', owner = 'plc', meaning = 'whole', doc = 'C' },
+  { offset = 3, name = 'b_D', type = 'BYTE', owner = 'plc', meaning = 'fields', doc = 'D' },
+  { offset = 4, name = 'a_E', type = 'BYTE', array = [4], used = [2], owner = 'plc', doc = 'E' },
+  { offset = 8, name = 'd_F', type = 'DWORD', reserved = true, doc = 'F' },
+  { offset = 12, name = 'w_G', type = 'WORD', owner = 'firmware', doc = 'G' },
+  { offset = 14, padding = 18 },
+]
+";
+        let head = STRUCTURE.split("register = [").next().unwrap();
+        card.write("CARD.toml", &format!("{head}{registers}"));
+        let meaning = |name: &str, text: &str| format!("[[meaning]]\nname = '{name}'\npage = '1'\n{text}\n");
+        let bit =
+            "{ at = 0, name = 'on', one = 'on' }, { from = 3, to = 7, name = 'reserved', reserved = true }";
+        let field = "{ from = 0, to = 1, name = 'mode', value = [{ is = 1, text = 'one' }, { is = 3, reserved = true }] }";
+        let meanings = [
+            meaning("bits", &format!("bit = [{bit}]")),
+            meaning("values", "value = [{ is = 0, text = 'none' }, { from = 5, to = 9, reserved = true }]"),
+            meaning("whole", &format!("value = [{{ is = 24, text = 'both' }}]\nbit = [{bit}]")),
+            meaning("fields", &format!("bit = [{field}]")),
+        ];
+        card.write("meanings.toml", &meanings.concat());
+        let device = fs::read_to_string(card.dir().join("device.toml")).unwrap();
+        card.write(
+            "device.toml",
+            &device.replace("names = 'manual'", "names = 'manual'\nparts = ['meanings.toml']"),
+        );
+        let mut bench = card.bench();
+        let segment = bench.segment("").unwrap();
+        bench.step("1ms").unwrap();
+        let right = [("b_A", 1), ("b_B", 1), ("b_C", 24), ("b_D", 1), ("a_E[1]", 1)];
+        for (register, value) in right {
+            bench.poke(&format!("card.{register}"), value).unwrap();
+        }
+        bench.step("1ms").unwrap();
+        bench.expect_no_findings(&[]).unwrap();
+        let expected = [
+            "reserved-bit card.b_A",
+            "reserved-value card.b_B",
+            "reserved-bit card.b_C",
+            "reserved-value card.b_D",
+            "reserved-register card.a_E[3]",
+            "reserved-register card.d_F",
+            "owner card.w_G",
+        ];
+        let wrong = [("b_A", 0, 0xF1), ("b_B", 1, 6), ("b_C", 2, 8), ("b_D", 3, 3), ("a_E[3]", 7, 1)];
+        let found = |bench: &mut Bench| {
+            let found = bench.findings().unwrap();
+            let found: Vec<_> =
+                found.iter().map(|it| format!("{} {}", it.last.rule.id(), bench.finding_place(it))).collect();
+            bench.clear_findings().unwrap();
+            found
+        };
+        for (offset, value) in
+            wrong.map(|(_, offset, value)| (offset, value)).into_iter().chain([(8, 1), (12, 1)])
+        {
+            segment.store(4096 + offset, commram::memory::Width::Byte, value).unwrap();
+        }
+        bench.step("1ms").unwrap();
+        assert_eq!(found(&mut bench), expected, "{script:?}");
+        for (register, _, value) in wrong {
+            bench.poke(&format!("card.{register}"), value).unwrap();
+        }
+        bench.step("1ms").unwrap();
+        assert_eq!(found(&mut bench), expected[..5], "{script:?}");
+    }
+}
+
+/// Two versions of a folder in one plant, and a folder that is edited: each device has the faults of its own version.
+#[test]
+fn each_version_of_a_folder_has_its_own_faults() {
+    let card = Card::new(FAULT_HOOK);
+    let version = |field: &str| {
+        FAULTS.replace(
+            "name = 'level', text = 'Level', from = 1",
+            &format!("name = '{field}', text = 'Level', from = 1"),
+        )
+    };
+    card.write("handshakes.toml", &version("level"));
+    let other = tempfile::tempdir().unwrap();
+    for name in ["device.toml", "CARD.toml", "firmware.rhai"] {
+        let text = fs::read_to_string(card.dir().join(name)).unwrap().replace("fields.level", "fields.gap");
+        fs::write(other.path().join(name), text).unwrap();
+    }
+    fs::write(other.path().join("handshakes.toml"), version("gap")).unwrap();
+    let device =
+        |name: &str, dir: &Path| format!("[[device]]\nname = '{name}'\nkind = '{}'\n", dir.display());
+    let (x, y) = (device("x", card.dir()), device("y", other.path()));
+    for plant in [x.clone() + &y, y.clone() + &x] {
+        let mut bench = Bench::plant(&plant).unwrap();
+        bench.fault("flicker plc=x input=1 level=3").unwrap();
+        bench.fault("flicker plc=y input=1 gap=4").unwrap();
+        bench.step("1ms").unwrap();
+        let values = ["x:card.a_OUT[0]", "y:card.a_OUT[0]"].map(|name| bench.peek(name).unwrap());
+        assert_eq!(values, [3, 4]);
+        let wrong = bench.fault("flicker plc=x input=1 gap=3").unwrap_err().to_string();
+        assert!(wrong.contains("gap has no meaning"), "{wrong}");
+        let missing = bench.fault("flicker input=1 gap=3").unwrap_err().to_string();
+        assert!(missing.contains("plc is missing"), "{missing}");
+        let faults = "[[fault]]\nkind = 'flicker'\nplc = 'x'\ninput = 1\nlevel = 3\n\
+                      [[fault]]\nkind = 'flicker'\nplc = 'y'\ninput = 1\ngap = 3\n";
+        PlantConfig::parse("plant", &(plant + faults)).unwrap().resolved_faults().unwrap();
+    }
+    // The folder is edited, and then edited back.
+    for field in ["depth", "level"] {
+        card.write("handshakes.toml", &version(field));
+        let script = FAULT_HOOK.replace("fields.level", &format!("fields.{field}"));
+        card.write("firmware.rhai", &script);
+        let mut bench = Bench::plant(&x).unwrap();
+        bench.fault(&format!("flicker input=1 {field}=3")).unwrap();
+        let gone = if field == "level" { "depth" } else { "level" };
+        assert!(bench.fault(&format!("flicker input=1 {gone}=3")).is_err());
+        let faults = format!("[[fault]]\nkind = 'flicker'\ninput = 1\n{field} = 3\n");
+        PlantConfig::parse("plant", &(x.clone() + &faults)).unwrap().resolved_faults().unwrap();
+    }
+}
+
 /// A declared fault calls the hook at its begin and its end, also after power-on and after going back.
 #[test]
 fn declared_faults_call_the_hook() {

@@ -69,6 +69,45 @@ fn a_server_of_all_instances_continues_without_them() {
     }
 }
 
+/// The device folder of an instance is edited before its next start.
+#[test]
+fn a_server_of_all_instances_knows_the_present_faults_of_a_device_folder() {
+    let (server, name, folder) =
+        (Server::start("none", &["--all"]), unique_name(), tempfile::tempdir().unwrap());
+    let example = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/mailbox");
+    let card = folder.path().join("card");
+    std::fs::create_dir(&card).unwrap();
+    for entry in std::fs::read_dir(example).unwrap().map(Result::unwrap) {
+        if entry.file_type().unwrap().is_file() {
+            std::fs::copy(entry.path(), card.join(entry.file_name())).unwrap();
+        }
+    }
+    let plant = folder.path().join("plant.toml");
+    std::fs::write(&plant, "[[device]]\nname = 'box'\nkind = './card'\n").unwrap();
+    let mut before = "function";
+    for field in ["function", "number"] {
+        for file in ["handshakes.toml", "firmware.rhai"] {
+            let path = card.join(file);
+            let text = std::fs::read_to_string(&path).unwrap();
+            let text = text.replace(&format!("\"{before}\""), &format!("\"{field}\""));
+            let text = text.replace(&format!("fields.{before}"), &format!("fields.{field}"));
+            std::fs::write(&path, text).unwrap();
+        }
+        before = field;
+        let emulator = Emulator::start_as(&name, &[plant.to_str().unwrap(), "--clock", "stepped"]);
+        let path = |rest: &str| format!("/api/v1/instances/{name}/{rest}");
+        let words = format!("show/operations?fault=lost_answer%20{field}%3D2");
+        let operation = server.get(&path(&words)).ok()["operations"][0].clone();
+        server.post(&path("request"), &json!({ "operations": [operation] })).ok();
+        let listed = emulator.run("fault", &["list"]);
+        assert!(listed.ok().contains(&format!("lost_answer plc=box {field}=2")), "{}", listed.out);
+        if field == "number" {
+            server.get(&path("show/operations?fault=lost_answer%20function%3D2")).problem(400);
+        }
+        emulator.run("stop", &[]).ok();
+    }
+}
+
 #[test]
 fn a_server_beside_an_emulator_starts_and_ends_with_it() {
     let (name, runtime) = (unique_name(), tempfile::tempdir().unwrap());

@@ -154,7 +154,7 @@ impl PlcScope {
     ) -> Vec<(String, String)> {
         let named = |word: &String| {
             let mut kinds = devices::known_fault_kinds().into_iter();
-            kinds.find(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
+            kinds.rfind(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
         };
         let Some(kind) = words.iter().find_map(named) else { return Vec::new() };
         let is_it = |field: &Field, name: &str| field.name() == name || field.other_name() == Some(name);

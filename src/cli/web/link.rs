@@ -233,6 +233,10 @@ pub(super) fn guarded<C, T, E: From<CliError>>(
 fn serve(instance: &str, jobs: &Receiver<Job>) {
     let mut connection: Option<Connection> = None;
     for job in jobs {
+        // The names of the connection belong to its emulator; the next emulator of the instance may have others.
+        if let Some(ended) = connection.take_if(|open| !open.session.is_served()) {
+            strand::guarded(|| ended.close());
+        }
         let opened = match connection.take() {
             Some(open) => Ok(open),
             None => strand::guarded(|| Connection::open(instance)).map_err(Problem::from),

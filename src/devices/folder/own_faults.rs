@@ -15,6 +15,9 @@ pub(super) const MOST_KINDS: usize = MOST_DECLARED;
 /// Maximum number of fields of a kind.
 const MOST_FIELDS: usize = 4;
 
+/// Words of `commram fault` and of scenarios beside the names of faults.
+const WORDS_OF_COMMANDS: [&str; 4] = ["add", "list", "clear", "required"];
+
 /// A kind of fault.
 #[derive(Clone, Debug)]
 pub(crate) struct OwnFault {
@@ -60,6 +63,14 @@ impl OwnFault {
                 ));
             }
         }
+        if WORDS_OF_COMMANDS.contains(&self.name.as_str()) {
+            return Err(format!("`{}` is a word of commands about faults; choose another name", self.name));
+        }
+        let described = [(&self.name, &self.text)].into_iter();
+        let mut described = described.chain(self.fields.iter().map(|field| (&field.name, &field.text)));
+        if let Some((name, _)) = described.find(|(_, text)| text.trim().is_empty()) {
+            return Err(format!("`{name}` has an empty text; the text describes the fault or the field"));
+        }
         let texts = [&self.text].into_iter().chain(self.fields.iter().map(|field| &field.text));
         if let Some(text) = texts.into_iter().find(|text| text.len() > LONGEST_TEXT) {
             return Err(format!("the text has {} bytes; it has at most {LONGEST_TEXT}", text.len()));
@@ -84,7 +95,7 @@ impl OwnFault {
     }
 
     /// Returns the kind in the form of the list of faults. It is never freed.
-    fn kind(&self, index: u8, device: &'static str) -> &'static FaultKind {
+    fn kind(&self, index: u8, device: &'static str, declarations: u64) -> &'static FaultKind {
         let id = self.id(index, device);
         let fields = self.fields.iter().map(OwnField::field).collect::<Vec<_>>().leak();
         let declaration = Declaration { device, id };
@@ -93,7 +104,7 @@ impl OwnFault {
             let (number, values) = (fault.kind().number(), fault.values());
             Effect::new(OwnEffect { number, values })
         };
-        Box::leak(Box::new(FaultKind::declared(index, declaration, name, text, fields, effect)))
+        Box::leak(Box::new(FaultKind::declared(index, declaration, declarations, name, text, fields, effect)))
     }
 
     /// Hash of everything except page and line.
@@ -156,12 +167,13 @@ impl Declarations {
         let numbered = || (0_u8..).zip(faults);
         let ids: Vec<u8> =
             numbered().flat_map(|(index, fault)| fault.id(index, device).to_le_bytes()).collect();
-        let hash = XxHash3_64::oneshot(&ids);
+        // 0 means that a device declares nothing.
+        let hash = XxHash3_64::oneshot(&ids).max(1);
         if let Some((_, known)) = self.0.iter().find(|(known, _)| *known == hash) {
             return known;
         }
         let device = leaked(device);
-        let kinds: Vec<_> = numbered().map(|(index, fault)| fault.kind(index, device)).collect();
+        let kinds: Vec<_> = numbered().map(|(index, fault)| fault.kind(index, device, hash)).collect();
         let kinds: &'static [&'static FaultKind] = kinds.leak();
         self.0.push((hash, kinds));
         kinds
@@ -295,6 +307,9 @@ mod tests {
         assert_eq!(fault("stuck").check(), Ok(()));
         assert!(refused(&|it| it.name = "Stuck".into()).contains("lower-case letters"));
         assert!(refused(&|it| it.name = "lose_frame".into()).contains("commram has a fault `lose_frame`"));
+        assert!(refused(&|it| it.name = "required".into()).contains("is a word of commands"));
+        assert!(refused(&|it| it.text = " ".into()).contains("`stuck` has an empty text"));
+        assert!(refused(&|it| it.fields[1].text.clear()).contains("`value` has an empty text"));
         assert!(refused(&|it| it.text = "x".repeat(81)).contains("at most 80"));
         assert!(refused(&|it| it.fields[0].name = "value".into()).contains("`value` occurs twice"));
         assert!(refused(&|it| it.fields[0].name = "plc".into()).contains("each fault has a field `plc`"));
@@ -316,6 +331,11 @@ mod tests {
         let other = all.kinds("other", &[fault("stuck")]);
         assert!(first[0] != other[0] && first[0].number() == other[0].number());
         assert!(all.all().iter().all(|kind| is_declared(kind.number())) && all.len() == 2);
+        // Folders of one device name with other declarations keep their own kinds, also where a declaration is equal.
+        let version = all.kinds("card", &[fault("stuck"), fault("gone")]);
+        assert!(version[0] == first[0] && !core::ptr::eq(version[0], first[0]));
+        let [old, new] = [first, version].map(FaultKind::declarations_of);
+        assert!(old != new && ![old, new].contains(&0));
     }
 
     #[test]

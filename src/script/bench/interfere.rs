@@ -4,7 +4,7 @@ use super::ask::Spot;
 use super::register::Register;
 use super::{Bench, Required};
 use crate::devices;
-use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal};
+use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal, in_installation};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
 use crate::script::{ScenarioError, ScriptLocation, Value};
@@ -61,7 +61,7 @@ impl Bench {
         let text = words;
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
-        let kinds = devices::known_fault_kinds();
+        let kinds = in_installation(&devices::known_fault_kinds(), &self.names);
         let spec = FaultSpec::from_words(&kinds, kind, &words.collect::<Vec<_>>())?;
         let fault = spec.resolve(&kinds, &self.names)?;
         let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;
