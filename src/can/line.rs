@@ -242,6 +242,18 @@ impl Line {
         });
     }
 
+    /// Called when the sender of the frame on the wire has gone BUS-off, which means that the bit on the wire was an
+    /// error. Before the checksum is complete, the others find the error as in [`Line::sender_gone`]. After it, they find
+    /// the error in the same bit. In the last bit of the end of frame, receivers ignore an error: they have the frame,
+    /// and its sender does not know (D-881).
+    pub(crate) fn sender_is_off(&mut self, now_ns: u64) {
+        self.sender_gone(now_ns);
+        self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
+            let last = to_acknowledgement + 1 + wire::RECESSIVE_END;
+            (over < last).then_some(over)
+        });
+    }
+
     /// Called when the last station that could acknowledge the frame on the wire has disconnected from the bus.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {

@@ -317,6 +317,26 @@ fn a_bus_off_station_returns_after_128_times_eleven_bits() {
     assert_eq!(bench.errors(), [(0, 0); 3]);
 }
 
+/// Before the last bit of a frame, sender and receivers agree that it has not arrived (ISO 11898-1).
+#[test]
+fn only_in_its_last_bit_a_frame_arrives_without_its_sender() {
+    let it = frame(0x100, 7);
+    // A bit takes 8 us.
+    let end = 10 + wire::airtime(&it, BitRate::new(125_000).unwrap()).delivery_ns / 1000;
+    for before in [1, 7, 8, 9, 16, 40, 56, 64, 72, 80] {
+        let mut bench =
+            Bench::new(125_000, vec![(vec![], vec![]), (vec![], vec![]), (vec![], vec![(10, it)])]);
+        bench.run(end - before);
+        bench.switch_off(2, end - before);
+        bench.run(100_000);
+        let (log, lost) = (bench.log(), bench.lost().len());
+        let count = |what: &str| log.iter().filter(|line| line.2 == what).count();
+        let (received, sent) = (count("received"), count("sent"));
+        let expected = if before < 8 { (4, 1, 0) } else { (2, 1, 1) };
+        assert_eq!((received, sent, lost), expected, "{before} us before the end: {log:?}");
+    }
+}
+
 #[test]
 fn frames_of_others_delay_the_return() {
     let it = frame(0x200, 1);

@@ -33,9 +33,13 @@ impl CanBus {
     fn check_frame_on_wire(&mut self, now_ns: u64) {
         let Some(wire) = &mut self.wire else { return };
         let Some(it) = wire.on_wire().copied() else { return };
-        if !self.stations.all()[it.sender].took_part_since(it.begin_ns) {
+        let sender = &self.stations.all()[it.sender];
+        if !sender.took_part_since(it.begin_ns) {
             self.sender_gone = true;
-            wire.sender_gone(now_ns);
+            match sender.controller.error_state() {
+                ErrorState::BusOff => wire.sender_is_off(now_ns),
+                _ => wire.sender_gone(now_ns),
+            }
         } else if !self.stations.is_heard(it.sender, it.begin_ns) {
             wire.nobody_left(now_ns);
         }
