@@ -5,7 +5,7 @@
 //! a shell's `<(...)`, are read like files.
 
 use std::fs::{File, OpenOptions};
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Cursor, Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -64,7 +64,10 @@ pub(crate) fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     }
     let bytes = match is_standard(path) {
         true => read_up_to(longest, std::io::stdin())?.inspect(|bytes| drop(STANDARD.set(bytes.clone()))),
-        false => read_up_to(longest, open(path)?)?,
+        false => {
+            let (file, begin) = open(path)?;
+            read_up_to(longest, begin.chain(file))?
+        }
     };
     bytes.ok_or_else(|| too_long(format!("it is longer than {}, the limit of such files", size(longest))))
 }
@@ -121,10 +124,27 @@ pub(crate) fn open_without_waiting(path: &Path) -> Result<File> {
     OpenOptions::new().read(true).custom_flags(flags as i32).open(path)
 }
 
-fn open(path: &Path) -> Result<File> {
-    let file = open_without_waiting(path)?;
+/// Opens a file or a pipe. Returns the file, and the bytes that the function has already read from a pipe.
+///
+/// # Errors
+/// The file cannot be opened, is neither file nor pipe, or is an empty pipe without a writer.
+fn open(path: &Path) -> Result<(File, Cursor<Vec<u8>>)> {
+    let mut file = open_without_waiting(path)?;
     let kind = file.metadata()?.file_type();
+    let mut begin = Vec::new();
     if kind.is_fifo() {
+        // Only a read can distinguish a pipe without a writer from a pipe with a writer that is still silent.
+        let mut first = [0];
+        match file.read(&mut first) {
+            Ok(0) => {
+                let what =
+                    "it is an empty pipe, and no program has it open for writing; start the writer first";
+                return Err(Error::new(ErrorKind::UnexpectedEof, what));
+            }
+            Ok(_) => begin.extend_from_slice(&first),
+            Err(silent) if silent.kind() == ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error),
+        }
         rustix::fs::fcntl_setfl(&file, rustix::fs::OFlags::empty())?;
     } else if kind.is_dir() {
         return Err(Error::new(ErrorKind::IsADirectory, "it is a directory; a regular file is needed"));
@@ -134,7 +154,7 @@ fn open(path: &Path) -> Result<File> {
             "it is a device or socket; a regular file is needed",
         ));
     }
-    Ok(file)
+    Ok((file, Cursor::new(begin)))
 }
 
 #[cfg(test)]
@@ -159,11 +179,21 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_is_read_to_its_end_and_is_empty_without_a_writer() {
+    fn a_pipe_is_read_to_its_end_and_needs_a_writer() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("pipe");
         rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        assert_eq!(read(&path, LONGEST).unwrap(), "");
+        let refused = read(&path, LONGEST).unwrap_err().to_string();
+        assert!(refused.contains("no program has it open for writing"), "{refused}");
+        // A writer that is still silent counts as a writer.
+        let writer = OpenOptions::new().read(true).write(true).open(&path).unwrap();
+        let reading = std::thread::spawn({
+            let path = path.clone();
+            move || read(&path, 4)
+        });
+        (&writer).write_all(b"12345").unwrap();
+        assert!(reading.join().unwrap().unwrap_err().to_string().starts_with("it is longer than 4 bytes"));
+        drop(writer);
         let (reader, mut writer) = std::io::pipe().unwrap();
         let reading = std::thread::spawn(move || {
             let name = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&reader));

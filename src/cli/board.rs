@@ -111,7 +111,8 @@ impl Serialize for Front {
         serializer.collect_map(self.words().map(|(word, value)| {
             // A value without a name is shown as a number.
             let called = word.called(*value);
-            let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
+            let number = word.ty.number(*value);
+            let value = if called == number.to_string() { Value::from(number) } else { called.into() };
             (word.name, value)
         }))
     }

@@ -230,7 +230,14 @@ pub(crate) fn answer_of_instance<T>(
     }
     let session = match Session::open_for_reading(&Instance::running(instance.name())) {
         Ok(session) => session,
-        Err(lost @ CliError::Memory(MemoryError::LostFolder { .. })) => return Err(lost),
+        // The name may be right, but this user cannot read the folder or the instance.
+        Err(
+            lost @ CliError::Memory(
+                MemoryError::LostFolder { .. }
+                | MemoryError::ForeignOwner { .. }
+                | MemoryError::ForeignDirectory { .. },
+            ),
+        ) => return Err(lost),
         Err(_) => return Err(refusal),
     };
     ask(&session).map_err(|failure| match failure {

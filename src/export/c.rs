@@ -175,7 +175,8 @@ fn structure(
                 (format!("{of} {name}{dims};"), name, group.offset())
             }
             Member::Padding { offset, bytes } => {
-                let _ = writeln!(out, "    uint8_t padding_{offset}[{bytes}];");
+                let field = members::padding_name(*offset, members);
+                let _ = writeln!(out, "    uint8_t {field}[{bytes}];");
                 continue;
             }
         };

@@ -70,6 +70,20 @@ impl Group {
     }
 }
 
+/// Returns a name for the padding at this offset of a structure with these parts. No register has this name.
+pub(crate) fn padding_name(offset: u32, members: &[Member]) -> String {
+    let is_taken = |name: &str| {
+        members.iter().any(|member| match member {
+            Member::Register(register) => register.name.eq_ignore_ascii_case(name),
+            Member::Group(group) => group.member_name().eq_ignore_ascii_case(name),
+            Member::Padding { .. } => false,
+        })
+    };
+    let plain = format!("padding_{offset}");
+    let numbered = (2..).map(|number| format!("{plain}_{number}"));
+    core::iter::once(plain.clone()).chain(numbered).find(|name| !is_taken(name)).unwrap_or(plain)
+}
+
 /// Array bounds of the register alone, without the bounds of its sub-structure.
 pub(crate) fn own_dims(register: &'static Register) -> &'static [Dim] {
     register.dims.get(register.group_dims..).unwrap_or_default()

@@ -286,7 +286,7 @@ fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members:
             }
             Member::Padding { offset, bytes } => {
                 let counts = if *bytes == 1 { vec![] } else { vec![*bytes] };
-                (format!("padding_{offset}"), false, "BYTE", counts, "", String::new())
+                (members::padding_name(*offset, members), false, "BYTE", counts, "", String::new())
             }
         };
         let ty = arrays.name_of(Array { of_records, dims: counts.len(), element, counts, named });

@@ -40,7 +40,7 @@ impl FrontWord {
     pub fn called(&self, value: u32) -> String {
         self.named()
             .find(|(known, _)| *known == value)
-            .map_or_else(|| value.to_string(), |(_, name)| name.to_owned())
+            .map_or_else(|| self.ty.number(value).to_string(), |(_, name)| name.to_owned())
     }
 
     /// Returns values that have names.
@@ -102,5 +102,31 @@ pub fn shown_text(front: &[(&FrontWord, u32)]) -> Option<String> {
 impl fmt::Debug for FrontWord {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FrontWord").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::{Owner, Provenance, RegType};
+
+    #[test]
+    fn values_of_signed_words_have_a_sign() {
+        let word = |ty| FrontWord {
+            name: "i_TEMPERATURE",
+            ty,
+            offset: 0,
+            owner: Owner::Plc,
+            meaning: None,
+            is_text: false,
+            source: Provenance::Manual,
+            page: "1",
+            doc: "Temperature",
+        };
+        for (ty, value, text) in [(RegType::Dint, u32::MAX - 4, "-5"), (RegType::Udint, 7, "7")] {
+            let word = word(ty);
+            assert_eq!(word.called(value), text);
+            assert_eq!(word.parse(text).map(|value| value & ty.mask()), Some(value));
+        }
     }
 }

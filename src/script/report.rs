@@ -134,7 +134,8 @@ pub struct Report {
     pub findings: Vec<FoundLine>,
     /// The plots that the scenario has drawn.
     pub plots: Vec<PlotFile>,
-    /// Files that the scenario has tried to read: imports and the plant file, even if they do not exist.
+    /// Files that the scenario has tried to read: imports, the plant file, and the files of device folders, even if
+    /// they do not exist.
     pub reads: Vec<PathBuf>,
 }
 

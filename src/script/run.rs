@@ -198,7 +198,7 @@ fn run_on(
     };
     let mut stage = stage.borrow_mut();
     let mut reads = imported.take();
-    reads.extend(stage.plant_file());
+    reads.extend(stage.plant_files());
     let report = Report {
         file: file.to_owned(),
         plant: stage.plant_name(),

@@ -110,6 +110,23 @@ fn the_map_and_the_exports_read_a_folder_without_an_emulator() {
     assert!(unnamed.fails(2).contains("[possible values: omega-drive-line-2, "), "{}", unnamed.err);
 }
 
+/// The names of exported padding belong to no register.
+#[test]
+fn a_register_may_have_the_name_of_padding() {
+    let place = Place::new();
+    place.edit("IO_DATA.toml", "name = \"w_IN\"", "name = \"padding_4\"");
+    for file in ["handshakes.toml", "exercise.rhai"] {
+        fs::remove_file(place.card().join(file)).unwrap();
+    }
+    for (format, register, padding) in
+        [("c", " padding_4; /*", "uint8_t padding_4_2[4];"), ("st", " padding_4 : WORD", " padding_4_2 : ")]
+    {
+        let export = run(&["export", format, "--device", &place.path("cards/digital-io")]);
+        assert!(export.ok().contains(register) && export.out.contains(padding), "{}", export.out);
+        assert!(!export.out.contains("padding_4["), "{}", export.out);
+    }
+}
+
 #[test]
 fn handshakes_of_a_table_pass_their_scenario() {
     let outcome = run(&["test", &format!("{EXAMPLE}/tests/card.rhai")]);

@@ -136,8 +136,10 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(files)
 }
 
-/// Collects the scripts of a folder and its subfolders. Skips hidden folders and links to folders.
+/// Collects the scripts of a folder and its subfolders. Skips hidden folders and links to folders. Scripts directly
+/// in a device folder belong to the device and are no scenarios.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    let is_device = folder.join("device.toml").is_file();
     for entry in folder.read_dir()? {
         let entry = entry?;
         let path = shown(&entry.path());
@@ -145,7 +147,7 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
             if !entry.file_name().as_encoded_bytes().starts_with(b".") {
                 walk(&path, files)?;
             }
-        } else if path.extension().is_some_and(|ending| ending == "rhai") && path.is_file() {
+        } else if !is_device && path.extension().is_some_and(|ending| ending == "rhai") && path.is_file() {
             files.push(path);
         }
     }
@@ -248,7 +250,7 @@ mod tests {
     fn folders_are_searched_for_scenarios_without_imported_parts() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        for folder in ["deep/er", "common", ".hidden"] {
+        for folder in ["deep/er", "common", ".hidden", "card/tests"] {
             std::fs::create_dir_all(at(folder)).unwrap();
         }
         for (name, text) in [
@@ -259,6 +261,10 @@ mod tests {
             ("common/unused.rhai", "fn begin() {}"),
             (".hidden/d.rhai", "now();"),
             ("deep/e.txt", "now();"),
+            ("card/device.toml", ""),
+            ("card/firmware.rhai", "fn poll() {}"),
+            ("card/exercise.rhai", "now();"),
+            ("card/tests/f.rhai", "now();"),
         ] {
             std::fs::write(at(name), text).unwrap();
         }
@@ -266,7 +272,8 @@ mod tests {
         let found = scenarios(&[directory.path().to_owned()], &[], None).unwrap();
         // `unused` is listed and reported as empty, because no script imports it. `b` is imported, but is also a
         // scenario, because it calls verbs.
-        let expected = ["a.rhai", "b.rhai", "common/unused.rhai", "deep/er/c.rhai"].map(at);
+        let expected =
+            ["a.rhai", "b.rhai", "card/tests/f.rhai", "common/unused.rhai", "deep/er/c.rhai"].map(at);
         assert_eq!(found, expected);
         let filters = ["er/c".to_owned(), "a".to_owned()];
         let shard = Shard::parse("2/2").ok();

@@ -3,7 +3,7 @@
 use super::{FolderError, SCRIPT, handshakes};
 use crate::layout::did_you_mean;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// File in a folder with the exercise of the device. It is not a part of the firmware.
 pub(super) const EXERCISE: &str = "exercise.rhai";
@@ -48,6 +48,15 @@ pub(super) fn check(dir: &Path, inputs: &BTreeSet<String>) -> Result<(), FolderE
         }
     }
     Ok(())
+}
+
+/// Returns the paths of all files that a device in the folder reads or may read: its scripts, its TOML files, and the
+/// files with fixed names, which may be missing. Only these names are returned if the folder cannot be read.
+#[cfg(feature = "script")]
+pub(crate) fn files_of(dir: &Path) -> Vec<PathBuf> {
+    let mut names = names(dir).unwrap_or_default();
+    names.extend(FIXED.map(str::to_owned));
+    names.into_iter().map(|name| dir.join(name)).collect()
 }
 
 /// Returns files that the device does not read. It reads the files with fixed names, and `inputs`.

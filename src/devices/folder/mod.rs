@@ -32,6 +32,8 @@ mod texts;
 
 pub(crate) use config::{FolderConfig, OptionSection};
 pub use error::FolderError;
+#[cfg(feature = "script")]
+pub(crate) use files::files_of;
 pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
 #[cfg(feature = "cli")]
 pub(crate) use script::DEFINITIONS;

@@ -26,13 +26,13 @@ impl Register {
         self.spot.plc
     }
 
-    /// Returns an error unless this is a whole register: only whole registers can be written.
+    /// Returns an error unless this is a whole register.
     pub(super) fn is_whole(&self) -> Result<(), ScenarioError> {
         match self.place.bit() {
             None => Ok(()),
             Some(_) => Err(ScenarioError::argument(
                 self.place.text(),
-                "a single bit cannot be written; name the whole register",
+                "a single bit is not possible here; name the whole register",
             )),
         }
     }

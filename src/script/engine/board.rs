@@ -72,7 +72,8 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     }
     for (word, value) in front.into_iter().filter(|(word, _)| !word.is_text) {
         let called = word.called(value);
-        let shown_value = if called == value.to_string() { int(value.into()).into() } else { called.into() };
+        let number = word.ty.number(value);
+        let shown_value = if called == number.to_string() { number.into() } else { called.into() };
         map.insert(word.name.into(), shown_value);
     }
     if let Some(modules) = bench.modules(plc)? {

@@ -1,5 +1,6 @@
 //! The stage of a running script: the plant that the script acts on, and the log of its steps.
 
+use crate::devices::folder;
 use crate::journal::Entry;
 use crate::plant::PlantConfig;
 use crate::script::{Bench, Failure, FoundLine, PlotFile, ScenarioError, ScriptLocation, Step};
@@ -33,8 +34,8 @@ pub(crate) struct Stage {
     limit_us: u64,
     /// Number of expectations that the script has checked.
     pub(super) expectations: u64,
-    /// Path of the plant file, if the plant was read from a file.
-    plant_file: Option<PathBuf>,
+    /// Files from which the plant was read: the plant file, and the files of device folders.
+    plant_files: Vec<PathBuf>,
     /// Description of the plant for a report.
     plant_name: String,
     /// The sections so far, including the part before the first section, each with the number of expectations at its
@@ -59,7 +60,7 @@ impl Stage {
             directory,
             limit_us,
             expectations: 0,
-            plant_file: None,
+            plant_files: Vec::new(),
             plant_name: if attached { "plant of the instance" } else { "built-in plant" }.to_owned(),
             steps: Vec::new(),
             plots: Vec::new(),
@@ -90,9 +91,9 @@ impl Stage {
         self.expectations
     }
 
-    /// Returns the file of the plant, if the scenario names one.
-    pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
-        self.plant_file.take()
+    /// Returns the files from which the plant was read.
+    pub(crate) fn plant_files(&mut self) -> Vec<PathBuf> {
+        core::mem::take(&mut self.plant_files)
     }
 
     /// Description of the plant for a report: its file, or another origin.
@@ -233,10 +234,13 @@ impl Stage {
             self.plant_name = "plant in the scenario".to_owned();
             PlantConfig::parse_from(&self.directory, "plant", text)?
         } else {
-            let file = self.plant_file.insert(self.directory.join(text));
+            let file = self.directory.join(text);
             self.plant_name = file.display().to_string();
-            PlantConfig::load(file)?
+            self.plant_files.push(file.clone());
+            PlantConfig::load(&file)?
         };
+        let folders = config.devices.iter().filter_map(|device| device.folder());
+        self.plant_files.extend(folders.flat_map(folder::files_of));
         if core::mem::take(&mut self.is_preview) {
             self.bench = None;
         }

@@ -170,6 +170,22 @@ fn watch_mode_runs_changed_scenarios_again() {
     shows("0 passed, 1 failed, 0 broken; ");
     std::fs::write(scripts.0.path().join("new.rhai"), GOOD).unwrap();
     shows("1 passed, 0 failed, 0 broken; ");
+    // A file of a device folder has changed.
+    let card = scripts.0.path().join("card");
+    std::fs::create_dir(&card).unwrap();
+    let example = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
+    for entry in std::fs::read_dir(example).unwrap().map(Result::unwrap) {
+        if entry.file_type().unwrap().is_file() {
+            std::fs::copy(entry.path(), card.join(entry.file_name())).unwrap();
+        }
+    }
+    let text = "plant(\"[[device]]\\nname = 'io'\\nkind = './card'\"); expect(\"data.w_OUT\", 0);";
+    std::fs::write(scripts.0.path().join("of-card.rhai"), text).unwrap();
+    shows("1 passed, 0 failed, 0 broken; ");
+    let path = card.join("handshakes.toml");
+    let changed = std::fs::read_to_string(&path).unwrap() + "\n# changed\n";
+    std::fs::write(path, changed).unwrap();
+    shows("1 passed, 0 failed, 0 broken; ");
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     assert!(!wait_for(&mut child, "a test that watches").success());
     reader.join().unwrap();

@@ -27,7 +27,7 @@ pub(super) struct Entry {
     pub(super) message: Message,
 }
 
-/// A restart of the logger's clock. The times are those of the log, in microseconds.
+/// A restart of the logger's clock. The times come from the log, in microseconds.
 #[derive(Debug, PartialEq, Eq)]
 struct Restart {
     /// Position of the first message with the restarted clock.

@@ -288,18 +288,19 @@ fn placed_cells(placed: &AreaStructure, structure: &Structure, subs: &[Structure
     let unused: BTreeSet<_> = placed.unused.iter().collect();
     let cells = |field: &Field| {
         let used = !unused.contains(&field.name);
-        field_cells(field, subs).into_iter().map(move |width| used.then_some(width))
+        field_cells(field, subs).into_iter().map(move |width| width.filter(|_| used))
     };
     fields.flat_map(cells).collect()
 }
 
-fn field_cells(field: &Field, subs: &[Structure]) -> Vec<u32> {
+/// Returns the width of the register at each byte of the field; `None` for padding, which is no register.
+fn field_cells(field: &Field, subs: &[Structure]) -> Vec<Option<u32>> {
     let element = match field.kind {
-        FieldType::Scalar(scalar) => vec![scalar.width(); scalar.width() as usize],
+        FieldType::Scalar(scalar) => vec![Some(scalar.width()); scalar.width() as usize],
         FieldType::Sub(index) => {
             subs[index].fields.iter().flat_map(|field| field_cells(field, subs)).collect()
         }
-        FieldType::Padding(bytes) => vec![1; bytes as usize],
+        FieldType::Padding(bytes) => vec![None; bytes as usize],
     };
     element.repeat(field.dims.iter().product::<u32>() as usize)
 }
