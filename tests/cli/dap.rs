@@ -191,6 +191,33 @@ fn breakpoints_and_steps_stop_at_their_lines() {
     editor.disconnect();
 }
 
+/// The registers of an option card are among those of its PLC.
+#[test]
+fn registers_of_an_option_card_are_shown_and_changed() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = directory.path().join("card.rhai");
+    let card = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/encoder");
+    let plant = format!("[[plc]]\nname = 'line'\n[[plc.option]]\nslot = 1\ncard = '{card}'\n");
+    std::fs::write(directory.path().join("plant.toml"), plant).unwrap();
+    let text =
+        "plant(\"plant.toml\");\nstep(\"1ms\");\nstep(\"3ms\");\nexpect(\"line:encoder1.w_COMMAND\", 6);\n";
+    std::fs::write(&own, text).unwrap();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[(&own, &[3])]);
+    assert_eq!(editor.stop(), at("breakpoint", &[("(scenario)", 3)]));
+    let scopes = editor.ok("scopes", json!({ "frameId": 0 }));
+    let areas =
+        editor.ok("variables", json!({ "variablesReference": scopes["scopes"][1]["variablesReference"] }));
+    let areas = areas["variables"].as_array().unwrap();
+    let encoder = areas.iter().find(|it| it["name"] == "line:encoder1").unwrap();
+    let register =
+        json!({ "variablesReference": encoder["variablesReference"], "name": "w_COMMAND", "value": "7" });
+    editor.ok("setVariable", register);
+    // With the changed register the card answers, and the scenario passes.
+    editor.ok("continue", json!({}));
+    assert_eq!(editor.event("exited")["exitCode"], 0);
+    editor.event("terminated");
+}
+
 #[test]
 fn variables_and_registers_are_shown_and_registers_are_changed() {
     let (_directory, own, _) = scenario();
