@@ -29,6 +29,22 @@ impl Origin {
     /// guest's number.
     const GUEST: DeviceIndex = DeviceIndex(u16::MAX);
 
+    /// Index of the device if the origin is a drive of the section of a serial line. The port is then the address of the
+    /// drive.
+    const DRIVE: DeviceIndex = DeviceIndex(u16::MAX - 1);
+
+    /// The drive with this address on the event's serial line.
+    #[must_use]
+    pub const fn of_drive(address: u8) -> Self {
+        Origin { plc: Self::DRIVE, node: PortNumber(address) }
+    }
+
+    /// Returns the address of the drive, if the origin is a drive on a serial line.
+    #[must_use]
+    pub const fn drive(self) -> Option<u8> {
+        if self.plc.0 == Self::DRIVE.0 { Some(self.node.0) } else { None }
+    }
+
     /// Guest number `guest` of the event's bus.
     #[must_use]
     pub const fn of_guest(guest: u8) -> Self {
@@ -203,9 +219,10 @@ impl fmt::Debug for Event {
 
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.guest() {
-            Some(guest) => write!(f, "guest{guest}"),
-            None => write!(f, "PLC {} node{}", self.plc, self.node),
+        match (self.guest(), self.drive()) {
+            (Some(guest), _) => write!(f, "guest{guest}"),
+            (None, Some(address)) => write!(f, "drive{address}"),
+            (None, None) => write!(f, "PLC {} node{}", self.plc, self.node),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::catalogue::Catalogue;
 use super::coded::{EventCodec, Words};
-use super::event::{Keeping, Source};
+use super::event::{Keeping, Origin, Source};
 use super::fields::Fields;
 use super::history::Stored;
 use super::reader::Reader;
@@ -101,9 +101,38 @@ pub struct ArrivedFrame {
     pub guest: Option<u8>,
 }
 
+/// What octets on a line are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OctetsKind {
+    /// Octets that a port of a device has sent.
+    Sent,
+    /// Octets that another participant has sent.
+    Received,
+    /// A character without a stop bit. There are no octets.
+    FramingError,
+    /// A character with a wrong parity bit. There are no octets.
+    ParityError,
+    /// A break. There are no octets.
+    Break,
+}
+
+impl OctetsKind {
+    /// Returns the kind of octets that `sender` has sent.
+    #[must_use]
+    pub const fn of_sender(sender: Origin) -> Self {
+        if sender.guest().is_none() && sender.drive().is_none() {
+            OctetsKind::Sent
+        } else {
+            OctetsKind::Received
+        }
+    }
+}
+
 /// A telegram, or the first octets of a telegram if the event does not contain all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
+    /// What the telegram is.
+    pub kind: OctetsKind,
     /// The first octets of the telegram, as many as the record contains.
     pub known: Vec<u8>,
     /// Number of all octets.

@@ -70,7 +70,7 @@ pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, LONGEST_NOTE, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
-pub use kind::{ArrivedFrame, EventKind, EventText, Octets, Ring};
+pub use kind::{ArrivedFrame, EventKind, EventText, Octets, OctetsKind, Ring};
 pub use names::Names;
 pub use phases::PortPhase;
 pub use printer::{Printer, Selection};

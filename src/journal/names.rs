@@ -57,9 +57,10 @@ impl Names {
         match source {
             Source::Bus(index) => self.bus(index).into_owned(),
             Source::Plc(index) => self.plc(index).into_owned(),
-            Source::Node(origin) => match origin.guest() {
-                Some(guest) => format!("guest{guest}"),
-                None => format!("{}:{}", self.plc(origin.plc), self.port(origin)),
+            Source::Node(origin) => match (origin.guest(), origin.drive()) {
+                (Some(guest), _) => format!("guest{guest}"),
+                (None, Some(address)) => format!("drive{address}"),
+                (None, None) => format!("{}:{}", self.plc(origin.plc), self.port(origin)),
             },
         }
     }

@@ -53,8 +53,9 @@ impl Record {
     /// Returns the octets, if the record is a telegram on the line.
     pub fn telegram(&self) -> Option<Octets> {
         let known = self.event.telegram()?;
-        let whole =
-            self.octets.as_ref().map(|octets| Octets { known: octets.to_vec(), length: octets.len() });
+        let kind = known.kind;
+        let whole = self.octets.as_ref();
+        let whole = whole.map(|octets| Octets { kind, known: octets.to_vec(), length: octets.len() });
         Some(whole.unwrap_or(known))
     }
 

@@ -112,14 +112,16 @@ fn a_stepped_clock_takes_the_octets_of_a_guest_at_the_next_step() {
 }
 
 #[test]
-fn wireshark_shows_the_octets_of_a_serial_line_with_their_direction() {
+fn wireshark_shows_octets_and_breaks_of_a_serial_line() {
     if !is_there("tshark") {
         return;
     }
     let emulator = start(&["--clock", "stepped"]);
     let words: Vec<_> = (0..6).map(|at| format!("serial.a_TX[{at}]={}", 0x31 + at)).collect();
     emulator.poke(&words.iter().map(String::as_str).collect::<Vec<_>>());
-    emulator.poke(&["serial.u_TX_HEAD=6"]);
+    // A break, and a character that a fault garbles.
+    emulator.poke(&["serial.a_TX[6]=16#0100", "serial.a_TX[7]=16#0055", "serial.u_TX_HEAD=8"]);
+    emulator.run("fault", &["add", "garble_character", "bus=rs485", "octet=16#55"]).ok();
     emulator.step(&["10ms"]);
     let file = tempfile::NamedTempFile::new().unwrap();
     let mut trace = emulator.command("trace", &["--format", "pcapng"]);
@@ -131,7 +133,7 @@ fn wireshark_shows_the_octets_of_a_serial_line_with_their_direction() {
     }
     let output = finish(&mut tshark);
     assert_eq!(output.code, Some(0), "{}", output.err);
-    assert_eq!(output.out, "rs485\t0x01\t313233343536\n");
+    assert_eq!(output.out, "rs485\t0x01\t313233343536\nrs485\t0x09\t\nrs485\t0x08\t\n");
     // The log can be read, without the octets.
     let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap(), "--allow-empty"]);
     assert!(compared.err.contains("link type 250"), "{} {}", compared.out, compared.err);

@@ -23,6 +23,7 @@ mod jobs;
 mod journal;
 mod profibus;
 mod serial;
+mod serial_drives;
 mod slave_any;
 mod slave_jobs;
 mod slave_on_bus;

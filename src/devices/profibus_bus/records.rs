@@ -4,7 +4,7 @@
 use super::services;
 use crate::event_kinds;
 use crate::identity::BusIndex;
-use crate::journal::{EventCodec, EventKind, EventText, Fields, Octets, Origin, Reader, hex};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Octets, OctetsKind, Origin, Reader, hex};
 use crate::plural::plural;
 use crate::profibus::{Frame, Telegram};
 
@@ -145,7 +145,7 @@ impl EventText for DpTelegram {
             // Checksum and end delimiter follow the data.
             known.truncate(length - unknown - 2);
         }
-        Some(Octets { known, length })
+        Some(Octets { kind: OctetsKind::of_sender(self.sender), known, length })
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -193,7 +193,7 @@ impl EventText for DpShort {
     fn telegram(&self) -> Option<Octets> {
         let telegram = self.stations().map_or(Telegram::ShortAck, |(da, sa)| Telegram::Token { da, sa });
         let known = telegram.octets().ok()?;
-        Some(Octets { length: known.len(), known })
+        Some(Octets { kind: OctetsKind::of_sender(self.sender), length: known.len(), known })
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -238,7 +238,7 @@ mod tests {
         let line = Telegram::Frame(frame.clone()).octets().unwrap();
         assert_eq!((event.frame(Some(&line)), event.lacks(&line)), (frame.clone(), true));
         assert_eq!(DpTelegram::read(event.words()), Some(event));
-        let Octets { known, length } = event.telegram().unwrap();
+        let Octets { known, length, .. } = event.telegram().unwrap();
         let octets = Telegram::Frame(frame.clone()).octets().unwrap();
         assert_eq!((known.as_slice(), length), (&octets[..12], octets.len()), "the fifth octet is not there");
         let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
@@ -246,7 +246,7 @@ mod tests {
             .telegram()
             .unwrap();
         let octets = Telegram::Frame(short.clone()).octets().unwrap();
-        assert_eq!(whole, Octets { length: octets.len(), known: octets });
+        assert_eq!(whole, Octets { kind: OctetsKind::Sent, length: octets.len(), known: octets });
         let fixed = Frame { fc: 0x5D, dsap: None, ..short.clone() };
         let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: PortNumber(1) }, &fixed);
         assert!(

@@ -5,16 +5,18 @@
 
 use super::FAMILY;
 use super::config::SerialConfig;
+use super::drives::{self, BusDrive};
 use super::faults;
 use super::guests::{self, BusGuest, Guests, guest_of};
 use super::port::{LineState, SerialPort, SerialSocket};
 use super::records::{Disturbance, SerialError, SerialOctets};
 use crate::can::ErrorCounters;
 use crate::check::RegisterWatch;
+use crate::devices::cansync::records::DriveSet;
 use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{
-    BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
-    World,
+    BuildError, Bus, BusGuests, BusView, Context, DriveDetails, DriveState, Drives, Faulty, GuestRefusal,
+    ParameterRefusal, PortWatch, Shaft, StationState, SyncSignal, World,
 };
 use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Owner, Target};
@@ -84,6 +86,7 @@ pub(crate) struct SerialBus {
     is_plugged: bool,
     line: Line,
     ends: Vec<BusPort>,
+    drives: Vec<BusDrive>,
     guests: Guests,
     /// Guests that receive the traffic.
     receivers_of_traffic: TrafficReceivers,
@@ -104,15 +107,20 @@ impl SerialBus {
             is_plugged: false,
             line: Line::default(),
             ends: Vec::new(),
+            drives: Vec::new(),
             guests: Guests::default(),
             receivers_of_traffic: TrafficReceivers::default(),
             next: NEVER,
         }
     }
 
-    /// Creates bus number `index` of the plant, without ports.
-    pub(crate) fn new(index: BusIndex, config: &SerialConfig) -> Self {
-        SerialBus {
+    /// Creates bus number `index` of the plant with its drives, without ports.
+    ///
+    /// # Errors
+    /// The settings of a drive are wrong.
+    pub(crate) fn new(index: BusIndex, config: &SerialConfig) -> Result<Self, BuildError> {
+        let drives: Result<Vec<_>, _> = config.drives().collect();
+        let mut bus = SerialBus {
             index,
             name: config.name.clone(),
             format: config.format,
@@ -120,13 +128,18 @@ impl SerialBus {
             terminators: config.terminators.into(),
             pulls: config.has_pull.into(),
             is_plugged: true,
+            drives: drives?,
             ..Self::unplugged()
-        }
+        };
+        bus.plan(0);
+        Ok(bus)
     }
 
     /// Returns the participant of a sender on the line; `None` for a disturbance.
     fn origin_of(&self, sender: usize) -> Option<Origin> {
-        self.ends.get(sender).map(|end| end.origin).or_else(|| guests::origin_of(sender))
+        let of_port = self.ends.get(sender).map(|end| end.origin);
+        let of_drive = || Some(self.drives.get(drives::place_of(sender)?)?.origin());
+        of_port.or_else(of_drive).or_else(|| guests::origin_of(sender))
     }
 
     /// True if the port can send and receive.
@@ -140,7 +153,9 @@ impl SerialBus {
         let of_ports = self.ends.iter().enumerate().filter(|(_, end)| end.is_on && end.port.has_to_send());
         let of_ports = of_ports.map(|(place, _)| place);
         let of_guests = self.guests.all().filter(|guest| guest.has_to_send()).map(BusGuest::sender);
-        of_ports.chain(of_guests).find(|sender| self.line.of_sender(*sender).is_none())
+        let of_drives = self.drives.iter().enumerate().filter(|(_, drive)| drive.has_to_send());
+        let of_drives = of_drives.map(|(place, _)| drives::sender_at(place));
+        of_ports.chain(of_drives).chain(of_guests).find(|sender| self.line.of_sender(*sender).is_none())
     }
 
     /// Plans the next event, after a change at `now`.
@@ -150,7 +165,11 @@ impl SerialBus {
         }
         self.next = match self.next_sender() {
             Some(_) => now,
-            None => self.line.next_end().map_or(NEVER, us_at).max(now),
+            None => {
+                let of_line = self.line.next_end().map(us_at);
+                let of_drives = self.drives.iter().filter_map(BusDrive::due);
+                of_line.into_iter().chain(of_drives).min().map_or(NEVER, |time| time.max(now))
+            }
         };
     }
 
@@ -175,6 +194,9 @@ impl SerialBus {
                 end.run(now, world.journal, |port, ctx| port.judge_line(ctx, &line));
             }
             (setup.format, signal, end.free_from)
+        } else if let Some(drive) = drives::place_of(sender).and_then(|place| self.drives.get_mut(place)) {
+            let Some(octet) = drive.take_to_send() else { return };
+            (self.format, Signal::Octet(octet), drive.free_from)
         } else {
             let Some(guest) = self.guests.of_sender(sender) else { return };
             let Some(octet) = guest.take_to_send() else { return };
@@ -202,7 +224,9 @@ impl SerialBus {
     #[cold]
     fn disturb(&self, character: &mut OnLine, world: &mut World) {
         let Signal::Octet(octet) = character.signal else { return };
-        let seen = faults::Traits { is_port: character.sender < self.ends.len(), octet };
+        let drive = drives::place_of(character.sender).and_then(|place| self.drives.get(place));
+        let address = drive.map(BusDrive::address);
+        let seen = faults::Traits { is_port: character.sender < self.ends.len(), octet, address };
         let mut delay = None;
         let (now, owner) = (world.now, Owner::Bus(self.index));
         world.faults.fire(now, owner, world.journal, |_, effect: &faults::Effect, _| {
@@ -243,6 +267,14 @@ impl SerialBus {
         if let Some(received) = character.received_as(self.format)
             && self.wires.hears(false, character.pair)
         {
+            for place in 0..self.drives.len() {
+                let own = drives::sender_at(place);
+                let has_sent =
+                    self.line.of_sender(own).is_some() || self.drives[place].free_from > character.begin;
+                if own != sender && !(self.wires == Wires::Two && has_sent) {
+                    self.drives[place].received(now, received.into());
+                }
+            }
             let burst = || BusMessage::Burst(Burst { begin: 0, octets: vec![received.octet] });
             self.receivers_of_traffic.send(now, guest_of(sender), burst);
         }
@@ -251,6 +283,8 @@ impl SerialBus {
             if end.is_on {
                 end.run(now, journal, |port, ctx| port.sent(ctx, character.has_collided));
             }
+        } else if let Some(drive) = drives::place_of(sender).and_then(|place| self.drives.get_mut(place)) {
+            drive.free_from = character.end;
         } else if let Some(guest) = self.guests.of_sender(sender) {
             guest.free_from = character.end;
         }
@@ -271,9 +305,14 @@ impl SerialBus {
             Signal::Octet(octet) if disturbance.is_none() && !character.is_lost => Some(octet),
             _ => None,
         };
-        let (burst, continues) = match self.ends.get_mut(sender) {
-            Some(end) => (&mut end.burst, end.is_on && end.port.has_to_send()),
-            None => match self.guests.of_sender(sender) {
+        let drive = drives::place_of(sender).and_then(|place| self.drives.get_mut(place));
+        let (burst, continues) = match (self.ends.get_mut(sender), drive) {
+            (Some(end), _) => (&mut end.burst, end.is_on && end.port.has_to_send()),
+            (None, Some(drive)) => {
+                let continues = drive.has_to_send();
+                (&mut drive.burst, continues)
+            }
+            (None, None) => match self.guests.of_sender(sender) {
                 Some(guest) => {
                     let continues = guest.has_to_send();
                     (&mut guest.burst, continues)
@@ -312,11 +351,14 @@ impl SnapshotFields for SerialBus {
             is_plugged: _,
             line,
             ends,
+            drives,
             guests,
             receivers_of_traffic: _,
             next,
         } = self;
         ends.save(to);
+        // Without a length: the plant file has the number of the drives.
+        drives.iter().for_each(|drive| drive.save(to));
         guests.save(to);
         to.value(&(line, next));
     }
@@ -324,10 +366,15 @@ impl SnapshotFields for SerialBus {
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.receivers_of_traffic.clear();
         self.ends.restore(from)?;
+        self.drives.iter_mut().try_for_each(|drive| drive.restore(from))?;
         self.guests.restore(from)?;
         (self.line, self.next) = from.value()?;
-        let is_there =
-            |sender: usize| sender < self.ends.len() || guest_of(sender).is_some() || sender == NOISE;
+        let is_there = |sender: usize| {
+            sender < self.ends.len()
+                || guest_of(sender).is_some()
+                || sender == NOISE
+                || drives::place_of(sender).is_some_and(|place| place < self.drives.len())
+        };
         from.check(self.line.senders().all(is_there), "sender")
     }
 }
@@ -359,7 +406,10 @@ impl BusView for SerialBus {
         let on = self.ends.iter().filter(|end| end.is_on);
         let ports = on.map(|end| state(end.origin, if end.port.setup().is_some() { "ready" } else { "off" }));
         let guests = self.guests.present().map(|number| state(Origin::of_guest(number), "guest"));
-        ports.chain(guests).collect()
+        let drives = self.drives.iter();
+        let drives = drives
+            .map(|drive| StationState { address: Some(drive.address()), ..state(drive.origin(), "drive") });
+        ports.chain(drives).chain(guests).collect()
     }
 
     fn busy_ns(&self, event: &Event) -> u64 {
@@ -445,6 +495,9 @@ impl Bus for SerialBus {
             self.guests.remove_left(|sender| line.of_sender(sender).is_some());
         } else if let Some(sender) = self.next_sender() {
             self.begin(sender, world);
+        } else {
+            let is_due = |drive: &&mut BusDrive| drive.due().is_some_and(|due| due <= now);
+            self.drives.iter_mut().filter(is_due).for_each(|drive| drive.poll(now));
         }
         self.plan(now);
         None
@@ -458,8 +511,53 @@ impl Bus for SerialBus {
         Some(self)
     }
 
+    fn drives(&self) -> Option<&dyn Drives> {
+        Some(self)
+    }
+
+    fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
+        Some(self)
+    }
+
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         Some(self)
+    }
+}
+
+impl Drives for SerialBus {
+    fn list(&self) -> Vec<(&str, DriveState)> {
+        self.drives.iter().map(|drive| (drive.name(), drive.state())).collect()
+    }
+
+    fn details(&self, drive: usize) -> Option<DriveDetails> {
+        self.drives.get(drive).map(BusDrive::details)
+    }
+
+    fn set_parameter(
+        &mut self,
+        drive: usize,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        let bus = self.index;
+        let drive = self.drives.get_mut(drive).ok_or(ParameterRefusal::NotThere)?;
+        drive.set_parameter(now, number, value)?;
+        journal.push(now, DriveSet { bus, slave: drive.address(), number, value: value as u32 });
+        self.plan(now);
+        Ok(())
+    }
+
+    fn shaft(&self, drive: usize) -> Option<Shaft> {
+        self.drives.get(drive).map(BusDrive::shaft)
+    }
+
+    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
+        if let Some(drive) = self.drives.get_mut(drive) {
+            drive.turn_shaft(now, speed);
+            self.plan(now);
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! A serial line as the plant file describes it.
 
+use super::drive_config::SerialDriveConfig;
+use super::drives::BusDrive;
 use super::{FAMILY, SerialBus};
 use crate::devices::settings::keys::plant_keys;
 use crate::devices::settings::refused_at;
@@ -27,6 +29,8 @@ pub(crate) struct SerialConfig {
     pub has_pull: bool,
     /// Doors to the line that are open from the start.
     pub doors: Vec<DoorSpec>,
+    /// Drives on the line.
+    drives: Vec<SerialDriveConfig>,
 }
 
 /// Settings without their keys: a partner at the other end of the line that is terminated, and sends as 3964R and USS
@@ -64,6 +68,9 @@ plant_keys! {
             "type": "array",
             "items": { "type": "string", "pattern": "^serial-(pty|tcp(-anybody)?:[0-9.]+:[0-9]+)$" },
         }, r#"["serial-pty"]"#, "doors for foreign programs, see serial.md (default: none)";
+        /// Drives on the line: slaves of the protocol USS
+        drive: Option<Vec<SerialDriveConfig>> = { "type": "array", "items": SerialDriveConfig::schema() },
+            r#"[{ name = "pump", address = 3 }]"#, "drives, see \"Drives on a serial line\" (default: none)";
     }
 }
 
@@ -120,7 +127,13 @@ impl SerialConfig {
         };
         let has_pull = section.pull_resistors.unwrap_or_default();
         let doors = section.doors.unwrap_or_default();
-        Ok(Arc::new(SerialConfig { name, format, wires, terminators, has_pull, doors }))
+        let drives = section.drive.unwrap_or_default();
+        Ok(Arc::new(SerialConfig { name, format, wires, terminators, has_pull, doors, drives }))
+    }
+
+    /// Builds the drives on the line.
+    pub(super) fn drives(&self) -> impl Iterator<Item = Result<BusDrive, BuildError>> {
+        self.drives.iter().map(|drive| BusDrive::new(drive, self.format))
     }
 }
 
@@ -133,12 +146,20 @@ impl BusSection for SerialConfig {
         FAMILY
     }
 
+    fn check(&self) -> Result<(), BuildError> {
+        self.drives().try_for_each(|drive| drive.map(|_| ()))
+    }
+
+    fn participants(&self) -> Vec<(&str, u8)> {
+        self.drives.iter().map(|drive| (drive.name.as_str(), drive.address)).collect()
+    }
+
     fn doors(&self) -> &[DoorSpec] {
         &self.doors
     }
 
     fn build(&self, index: BusIndex) -> Result<Box<dyn Bus>, BuildError> {
-        Ok(Box::new(SerialBus::new(index, self)))
+        Ok(Box::new(SerialBus::new(index, self)?))
     }
 }
 

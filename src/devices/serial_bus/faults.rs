@@ -28,6 +28,8 @@ pub(in crate::devices) enum CharacterEffect {
 pub(super) struct Traits {
     /// True if the sender is the port of a device.
     pub is_port: bool,
+    /// Address of the sender, if it is a drive of the line.
+    pub address: Option<u8>,
     /// The octet.
     pub octet: u8,
 }
@@ -37,6 +39,7 @@ pub(super) struct Traits {
 pub(in crate::devices) struct Characters {
     is_port: Option<bool>,
     octet: Option<u32>,
+    address: Option<u32>,
 }
 
 impl Characters {
@@ -44,6 +47,7 @@ impl Characters {
         Characters {
             is_port: fault.value(SENDER.name()).map(|word| word == 0),
             octet: fault.value(OCTET.name()),
+            address: fault.value(ADDRESS.name()),
         }
     }
 
@@ -51,6 +55,7 @@ impl Characters {
     pub(super) fn include(&self, seen: &Traits) -> bool {
         self.is_port.is_none_or(|is_port| is_port == seen.is_port)
             && self.octet.is_none_or(|octet| octet == u32::from(seen.octet))
+            && self.address.is_none_or(|address| seen.address.is_some_and(|seen| u32::from(seen) == address))
     }
 }
 
@@ -65,6 +70,9 @@ const OCTET: Field = Field::new(
     Form::Hex { least: 0, most: 0xFF, digits: 2 },
     "The character; all characters if left out",
 );
+const ADDRESS: Field =
+    Field::new("address", Form::Number { least: 0, most: 31 }, "Address of the drive on the line")
+        .required("give the address of the drive, 0 to 31");
 
 fn us(fault: &Fault) -> u32 {
     fault.value("delay_us").unwrap_or(0)
@@ -94,16 +102,23 @@ static GARBLE_CHARACTER: FaultKind = FaultKind::new(
 .with(const { &[SENDER, OCTET] })
 .shown("sender=partner count=1");
 
-static DELAY_CHARACTER: FaultKind =
-    FaultKind::new(52, "delay_character", TargetKind::Bus, "A character comes later than it would", |fault| {
-        character(fault, CharacterEffect::Delay(us(fault)))
-    })
-    .with(
-        const {
-            &[SENDER, OCTET, delay(1, "Delay after the normal time of the character, in us").required(IN_US)]
-        },
-    )
-    .shown("octet=16#02 delay=250ms count=1");
+static DELAY_CHARACTER: FaultKind = FaultKind::new(
+    52,
+    "delay_character",
+    TargetKind::Bus,
+    "A character comes later than it would",
+    |fault| character(fault, CharacterEffect::Delay(us(fault))),
+)
+.with(
+    const {
+        &[
+            SENDER,
+            OCTET,
+            delay(1, "Delay after the normal time of the character, in us").required(IN_US)
+        ]
+    },
+)
+.shown("octet=16#02 delay=250ms count=1");
 
 static SILENT_PARTICIPANT: FaultKind = FaultKind::new(
     53,
@@ -119,6 +134,16 @@ static SILENT_PARTICIPANT: FaultKind = FaultKind::new(
     },
 )
 .shown("sender=partner for=3s");
+
+static SILENT_DRIVE: FaultKind = FaultKind::new(
+    58,
+    "silent_drive",
+    TargetKind::Bus,
+    "A drive on a serial line receives but cannot send",
+    |fault| character(fault, CharacterEffect::Lose),
+)
+.with(const { &[ADDRESS] })
+.shown("address=3 for=3s");
 
 static LINE_BREAK: FaultKind =
     FaultKind::new(54, "line_break", TargetKind::Bus, "The line is low, as in a break", |fault| {
@@ -139,7 +164,7 @@ static LINE_BREAK: FaultKind =
 
 /// All kinds of this module.
 pub(in crate::devices) static KINDS: &[&FaultKind] =
-    &[&LOSE_CHARACTER, &GARBLE_CHARACTER, &DELAY_CHARACTER, &SILENT_PARTICIPANT, &LINE_BREAK];
+    &[&LOSE_CHARACTER, &GARBLE_CHARACTER, &DELAY_CHARACTER, &SILENT_PARTICIPANT, &LINE_BREAK, &SILENT_DRIVE];
 
 #[cfg(test)]
 mod tests {
@@ -147,15 +172,22 @@ mod tests {
 
     #[test]
     fn characters_are_chosen_by_what_is_given() {
-        let seen = [(true, 2), (false, 2), (false, 3)].map(|(is_port, octet)| Traits { is_port, octet });
+        let seen = [(true, 2), (false, 2), (false, 3)].map(|(is_port, octet)| Traits {
+            is_port,
+            octet,
+            address: None,
+        });
         for (is_port, octet, expected) in [
             (None, None, [true, true, true]),
             (Some(true), None, [true, false, false]),
             (Some(false), Some(3), [false, false, true]),
             (None, Some(2), [true, true, false]),
         ] {
-            let characters = Characters { is_port, octet };
+            let characters = Characters { is_port, octet, address: None };
             assert_eq!(seen.map(|it| characters.include(&it)), expected, "{characters:?}");
         }
+        let drive = Characters { is_port: None, octet: None, address: Some(3) };
+        let senders = [None, Some(2), Some(3)].map(|address| Traits { is_port: false, octet: 2, address });
+        assert_eq!(senders.map(|it| drive.include(&it)), [false, false, true]);
     }
 }

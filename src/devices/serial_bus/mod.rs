@@ -6,6 +6,8 @@
 
 mod bus;
 mod config;
+mod drive_config;
+mod drives;
 pub(super) mod faults;
 mod guests;
 mod port;

@@ -3,7 +3,7 @@
 use crate::event_kinds;
 use crate::identity::BusIndex;
 use crate::journal::{
-    EventCodec, EventKind, EventText, Fields, Octets, Origin, Packer, Part, Reader, Unpacker, hex,
+    EventCodec, EventKind, EventText, Fields, Octets, OctetsKind, Origin, Packer, Part, Reader, Unpacker, hex,
 };
 use crate::plural::plural;
 
@@ -160,7 +160,8 @@ impl EventText for SerialOctets {
     }
 
     fn telegram(&self) -> Option<Octets> {
-        Some(Octets { known: self.contained(), length: self.octets as usize })
+        let kind = OctetsKind::of_sender(self.sender);
+        Some(Octets { kind, known: self.contained(), length: self.octets as usize })
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -175,6 +176,15 @@ impl EventText for SerialOctets {
 impl EventText for SerialError {
     fn text(&self, reader: &mut Reader) -> String {
         format!("{} from {}", self.reason.text(), reader.port(self.sender))
+    }
+
+    fn telegram(&self) -> Option<Octets> {
+        let kind = match self.reason {
+            Disturbance::Break => OctetsKind::Break,
+            Disturbance::Collision => OctetsKind::FramingError,
+            Disturbance::Garbled => OctetsKind::ParityError,
+        };
+        Some(Octets { kind, known: Vec::new(), length: 0 })
     }
 
     fn guest(&self) -> Option<u8> {

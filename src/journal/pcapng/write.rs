@@ -5,7 +5,7 @@ use super::{
     SECTION, SOCKETCAN,
 };
 use crate::can::{Frame, Id};
-use crate::journal::{Format, Octets, Record, Source};
+use crate::journal::{Format, Octets, OctetsKind, Record, Source};
 
 /// Negative exponent of the time unit: microseconds.
 const MICROSECONDS: u8 = 6;
@@ -64,19 +64,26 @@ pub(super) fn packet(frame: &Frame) -> [u8; 16] {
 
 /// Number of bytes of the head of a packet with octets of a serial line.
 const SERIAL_HEAD: usize = 12;
-/// Kinds of such packets: octets that were transmitted and received.
-const DATA_TX: u8 = 1;
-const DATA_RX: u8 = 2;
+
+/// Returns the kind of such a packet, as Wireshark's dissector of RTAC Serial numbers the kinds.
+const fn serial_kind(kind: OctetsKind) -> u8 {
+    match kind {
+        OctetsKind::Sent => 1,
+        OctetsKind::Received => 2,
+        OctetsKind::FramingError => 7,
+        OctetsKind::ParityError => 8,
+        OctetsKind::Break => 9,
+    }
+}
 
 /// Returns the head of octets of a serial line: seconds, microseconds, kind, and three bytes for signals that RS485 does
 /// not have.
-fn serial_head(record: &Record) -> [u8; SERIAL_HEAD] {
+fn serial_head(record: &Record, kind: OctetsKind) -> [u8; SERIAL_HEAD] {
     let (seconds, us) = ((record.time_us / 1_000_000) as u32, (record.time_us % 1_000_000) as u32);
-    let kind = if record.event.guest().is_some() { DATA_RX } else { DATA_TX };
     let mut head = [0; SERIAL_HEAD];
     head[..4].copy_from_slice(&seconds.to_be_bytes());
     head[4..8].copy_from_slice(&us.to_be_bytes());
-    head[8] = kind;
+    head[8] = serial_kind(kind);
     head
 }
 
@@ -110,11 +117,13 @@ impl Format<Vec<u8>> for Pcapng {
         let Source::Bus(bus) = record.event.source() else { return };
         let frame = record.event.frame().map(|carried| {
             let known = packet(&carried.frame).to_vec();
-            Octets { length: known.len(), known }
+            Octets { kind: OctetsKind::Sent, length: known.len(), known }
         });
-        let Some(Octets { mut known, mut length }) = frame.or_else(|| record.telegram()) else { return };
+        let Some(Octets { kind, mut known, mut length }) = frame.or_else(|| record.telegram()) else {
+            return;
+        };
         if let Some((_, Link::Serial)) = self.buses.get(bus.index()) {
-            known.splice(0..0, serial_head(record));
+            known.splice(0..0, serial_head(record, kind));
             length += SERIAL_HEAD;
         }
         let (high, low) = ((record.time_us >> 32) as u32, record.time_us as u32);

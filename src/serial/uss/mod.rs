@@ -59,7 +59,7 @@ mod timing;
 
 pub use layout::{Layout, LayoutError, PkwWidth};
 pub use master::{Master, MasterError, MasterEvent, Station, StationFault};
-pub use parameters::{Parameter, ParameterType, Parameters, ParametersError};
+pub use parameters::{Parameter, ParameterAccess, ParameterType, Parameters, ParametersError};
 pub use pkw::{Pkw, Refusal, ReplyCode, Request, Task};
 pub use slave::{Slave, SlaveEvent};
 pub use telegram::{Address, MAX_DATA, STX, Telegram, TelegramError};

@@ -1,6 +1,6 @@
 //! The parameters of a simulated drive, and the answers to requests for them.
 
-use super::pkw::{Pkw, Refusal, ReplyCode, Task, words};
+use super::pkw::{Pkw, Refusal, ReplyCode, words};
 use std::collections::BTreeMap;
 
 /// Type of the values of a parameter.
@@ -68,6 +68,13 @@ impl ParameterType {
     }
 }
 
+/// Parameters behind a slave.
+pub trait ParameterAccess {
+    /// Executes a request of the master, and returns the answer. `has_room` is true if the channel has room for a whole
+    /// array.
+    fn execute(&mut self, request: &Pkw, has_room: bool) -> Pkw;
+}
+
 /// A parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
@@ -118,6 +125,18 @@ impl Parameter {
     pub const fn read_only(mut self) -> Self {
         self.is_read_only = true;
         self
+    }
+
+    /// Returns the value, or the first element of an array.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn value(&self) -> f64 {
+        self.values.first().copied().unwrap_or_default()
+    }
+
+    /// Executes a request for this parameter, and returns the answer.
+    pub(crate) fn execute(&mut self, request: &Pkw, has_room: bool) -> Pkw {
+        let (code, values) = answer(self, request, has_room).unwrap_or_else(refused);
+        request.answer(code, values)
     }
 
     fn check(&self) -> Result<(), ParametersError> {
@@ -333,20 +352,17 @@ impl Parameters {
             parameter.values.clone_from(&parameter.stored);
         }
     }
+}
 
-    /// Executes a request, and returns the answer. `has_room` is true if the channel has room for a whole array.
-    pub(super) fn execute(&mut self, request: &Pkw, has_room: bool) -> Pkw {
-        if request.code == Task::None as u8 {
-            return Pkw::NONE;
-        }
-        let (code, values) = match self.by_number.get_mut(&request.number) {
-            None => refused(Refusal::Number),
-            Some(_) if self.is_locked && Write::of(request.code).is_some() => {
-                (ReplyCode::NoRights, Vec::new())
+impl ParameterAccess for Parameters {
+    fn execute(&mut self, request: &Pkw, has_room: bool) -> Pkw {
+        match self.by_number.get_mut(&request.number) {
+            None => request.refused(Refusal::Number),
+            Some(_) if self.is_locked && request.is_change() => {
+                request.answer(ReplyCode::NoRights, Vec::new())
             }
-            Some(parameter) => answer(parameter, request, has_room).unwrap_or_else(refused),
-        };
-        request.answer(code, values)
+            Some(parameter) => parameter.execute(request, has_room),
+        }
     }
 }
 

@@ -1,5 +1,8 @@
 //! The parameter channel (PKW): requests, answers and error numbers.
 
+#[cfg(feature = "emulator")]
+use serde::{Deserialize, Serialize};
+
 /// Number of parameters of a page: higher numbers are on other pages. The index word has the number of the page.
 const PAGE: u16 = 2000;
 
@@ -110,6 +113,9 @@ pub enum Refusal {
     /// The parameter has no text.
     #[error("the parameter has no text")]
     NoText = 15,
+    /// The drive cannot execute the request in its present state.
+    #[error("the drive cannot execute the request in its present state")]
+    State = 17,
     /// The request cannot be executed for another reason.
     #[error("the request cannot be executed for another reason")]
     Other = 18,
@@ -117,6 +123,7 @@ pub enum Refusal {
 
 /// The parameter channel of one telegram.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub struct Pkw {
     /// AK, 0 to 15: a [`Task`] or a [`ReplyCode`].
     pub code: u8,
@@ -201,6 +208,18 @@ impl Pkw {
             code => code,
         };
         self
+    }
+
+    /// True if the request changes a value of a parameter: codes 2, 3, 7, 8 and 11 to 14.
+    #[must_use]
+    pub const fn is_change(&self) -> bool {
+        matches!(self.code, 2 | 3 | 7 | 8 | 11..=14)
+    }
+
+    /// Returns the answer that refuses this request.
+    #[must_use]
+    pub fn refused(&self, refusal: Refusal) -> Self {
+        self.answer(ReplyCode::Refused, vec![refusal as u16])
     }
 
     /// Returns the answer to this request.

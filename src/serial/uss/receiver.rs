@@ -3,10 +3,15 @@
 use super::telegram::{LONGEST, STX, Telegram, TelegramError};
 use super::timing::Timing;
 use crate::serial::{Character, CharacterError};
+#[cfg(feature = "emulator")]
+use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub(super) struct Receiver {
     timing: Timing,
+    /// Added to the longest time of a telegram, in microseconds.
+    tolerance: u64,
     /// End of the last character of any telegram.
     last: Option<u64>,
     /// Characters of the telegram, and the end of its `STX`.
@@ -16,12 +21,18 @@ pub(super) struct Receiver {
 
 impl Receiver {
     pub(super) const fn new(timing: Timing) -> Self {
-        Receiver { timing, last: None, characters: Vec::new(), begin: 0 }
+        Receiver { timing, tolerance: 0, last: None, characters: Vec::new(), begin: 0 }
+    }
+
+    /// Sets a time in microseconds by which a telegram may be longer.
+    pub(super) fn set_tolerance(&mut self, tolerance: u64) {
+        self.tolerance = tolerance;
     }
 
     /// Returns the time at which the telegram that has begun must be complete.
     pub(super) fn deadline(&self) -> Option<u64> {
-        (!self.characters.is_empty()).then(|| self.begin + self.timing.residual(self.data()))
+        let longest = self.timing.residual(self.data()) + self.tolerance;
+        (!self.characters.is_empty()).then(|| self.begin + longest)
     }
 
     /// Number of characters of net data; the largest one while `LGE` has not come.

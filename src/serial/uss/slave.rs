@@ -2,12 +2,14 @@
 
 use super::MasterError;
 use super::layout::{Layout, LayoutError, PkwWidth};
-use super::parameters::Parameters;
+use super::parameters::{ParameterAccess, Parameters};
 use super::pkw::{Pkw, Refusal, ReplyCode, Task};
 use super::receiver::Receiver;
 use super::telegram::{Address, Telegram, TelegramError};
 use super::timing::Timing;
 use crate::serial::Character;
+#[cfg(feature = "emulator")]
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Number of events that a slave keeps.
@@ -15,6 +17,7 @@ const MOST_EVENTS: usize = 64;
 
 /// What happened at a slave.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub enum SlaveEvent {
     /// New setpoints have come.
     Setpoints,
@@ -28,18 +31,19 @@ pub enum SlaveEvent {
 
 /// A telegram that the slave will send.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 enum Pending {
     Mirror(Telegram),
     Answer(Pkw),
 }
 
-/// A slave as a state machine.
+/// A slave as a state machine, with the parameters `P`.
 #[derive(Clone, Debug)]
-pub struct Slave {
+pub struct Slave<P = Parameters> {
     address: u8,
     timing: Timing,
     layout: Layout,
-    parameters: Parameters,
+    parameters: P,
     response_delay: u64,
     receiver: Receiver,
     setpoints: Vec<u16>,
@@ -49,17 +53,19 @@ pub struct Slave {
     events: VecDeque<SlaveEvent>,
 }
 
-impl Slave {
+#[cfg(feature = "emulator")]
+crate::snapshot_fields!(where [P: crate::snapshot_fields::SnapshotFields] Slave<P> {
+    values: receiver, setpoints, actual, pending, last_telegram, events;
+    parts: parameters;
+    built: address, timing, layout, response_delay
+});
+
+impl<P: ParameterAccess> Slave<P> {
     /// Returns a slave with an address, 0 to 31. Its process data are 0.
     ///
     /// # Errors
     /// The address is above 31.
-    pub fn new(
-        address: u8,
-        timing: Timing,
-        layout: Layout,
-        parameters: Parameters,
-    ) -> Result<Self, MasterError> {
+    pub fn new(address: u8, timing: Timing, layout: Layout, parameters: P) -> Result<Self, MasterError> {
         if address > 31 {
             return Err(MasterError::Address(address));
         }
@@ -104,18 +110,18 @@ impl Slave {
         if actual.len() != self.layout.pzd() {
             return Err(LayoutError::Words { found: actual.len(), expected: self.layout.pzd() });
         }
-        self.actual.copy_from_slice(actual);
+        actual.clone_into(&mut self.actual);
         Ok(())
     }
 
     /// Returns the parameters.
     #[must_use]
-    pub const fn parameters(&self) -> &Parameters {
+    pub const fn parameters(&self) -> &P {
         &self.parameters
     }
 
     /// Returns the parameters, to change them from the side of the drive.
-    pub const fn parameters_mut(&mut self) -> &mut Parameters {
+    pub const fn parameters_mut(&mut self) -> &mut P {
         &mut self.parameters
     }
 
@@ -192,8 +198,9 @@ impl Slave {
             self.setpoints = setpoints;
             self.report(SlaveEvent::Setpoints);
         }
-        let answer = self.parameters.execute(&request, self.layout.pkw() == PkwWidth::Variable);
+        let mut answer = Pkw::NONE;
         if request.code != Task::None as u8 {
+            answer = self.parameters.execute(&request, self.layout.pkw() == PkwWidth::Variable);
             self.report(SlaveEvent::Requested(request, answer.code));
         }
         if !address.is_broadcast() {

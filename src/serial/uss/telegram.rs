@@ -1,5 +1,8 @@
 //! Telegrams as characters.
 
+#[cfg(feature = "emulator")]
+use serde::{Deserialize, Serialize};
+
 /// The first character of a telegram.
 pub const STX: u8 = 0x02;
 
@@ -8,6 +11,7 @@ pub const MAX_DATA: usize = 252;
 
 /// `ADR`: the address of a slave, and the kind of the telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub struct Address(pub u8);
 
 impl Address {
@@ -53,6 +57,7 @@ impl Address {
 
 /// A telegram.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub struct Telegram {
     /// Address and kind.
     pub address: Address,
@@ -62,6 +67,7 @@ pub struct Telegram {
 
 /// Reason for which characters are not a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub enum TelegramError {
     /// `LGE` is too small or too large.
     #[error("LGE is {0}; it counts the characters after it, and must be 2 to 254")]

@@ -1,10 +1,14 @@
 //! Times of the protocol.
 
+#[cfg(feature = "emulator")]
+use serde::{Deserialize, Serialize};
+
 /// Bits of a character: start bit, eight data bits, even parity, stop bit.
 const CHARACTER_BITS: u64 = 11;
 
 /// Times that follow from the baud rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "emulator", derive(Serialize, Deserialize))]
 pub struct Timing {
     baud_rate: u32,
 }

@@ -1,8 +1,8 @@
 //! Messages of a log: frames of CAN and telegrams of PROFIBUS.
 
 use crate::can::Frame;
-use crate::journal::Record;
 use crate::journal::candump::FrameText;
+use crate::journal::{Octets, Record};
 use crate::profibus::{Frame as DpFrame, FunctionCode, Telegram};
 use core::fmt;
 
@@ -19,7 +19,8 @@ impl Message {
     pub(super) fn of_record(record: &Record) -> Option<Self> {
         let frame = record.event.frame().map(|carried| Message::Frame(carried.frame));
         frame.or_else(|| {
-            let octets = record.telegram().filter(|octets| octets.known.len() == octets.length)?;
+            let is_whole = |octets: &Octets| octets.length > 0 && octets.known.len() == octets.length;
+            let octets = record.telegram().filter(is_whole)?;
             Some(Message::Telegram(octets.known))
         })
     }

@@ -87,6 +87,12 @@ impl BuiltInDrive {
         DriveDetails { state: regler.look(), parameters: regler.parameters(), card: Vec::new() }
     }
 
+    /// Returns a parameter; `None` if the drive does not have it.
+    pub(crate) fn parameter_state(&self, number: u16) -> Option<ParameterState> {
+        let regler = self.regler();
+        regler.store.slot(number).map(|slot| regler.parameter_state(slot))
+    }
+
     /// Sets a parameter by local operation, as at the drive itself.
     ///
     /// # Errors
@@ -124,22 +130,23 @@ impl VRegler {
     }
 
     fn parameters(&self) -> Vec<ParameterState> {
-        let state = |slot: ParameterSlot| {
-            let spec = self.store.spec(slot);
-            let row = self.row_of(spec.number);
-            let (min, max) = spec.range();
-            ParameterState {
-                number: spec.number,
-                name: row.map_or("", |row| row.name).to_owned(),
-                unit: row.map_or("", |row| row.unit).to_owned(),
-                bytes: spec.format.bytes() as u8,
-                value: spec.number_of(self.parameter(spec.number).unwrap_or_default()),
-                min,
-                max,
-                read_only: spec.read_only,
-            }
-        };
-        self.store.slots().map(state).collect()
+        self.store.slots().map(|slot| self.parameter_state(slot)).collect()
+    }
+
+    fn parameter_state(&self, slot: ParameterSlot) -> ParameterState {
+        let spec = self.store.spec(slot);
+        let row = self.row_of(spec.number);
+        let (min, max) = spec.range();
+        ParameterState {
+            number: spec.number,
+            name: row.map_or("", |row| row.name).to_owned(),
+            unit: row.map_or("", |row| row.unit).to_owned(),
+            bytes: spec.format.bytes() as u8,
+            value: spec.number_of(self.parameter(spec.number).unwrap_or_default()),
+            min,
+            max,
+            read_only: spec.read_only,
+        }
     }
 
     /// Writes a value like a parameter job.
