@@ -13,3 +13,4 @@ mod cs0015;
 mod function_blocks;
 mod omega;
 mod serial;
+mod serial_uss;

@@ -133,6 +133,35 @@ fn a_disturbed_block_is_repeated() {
     assert!(bench.now > 220_000, "the sender waits for a silent line");
 }
 
+/// The procedure 3964: the same blocks without a check sum, which takes one character less for each block.
+#[test]
+fn two_ports_exchange_blocks_without_check_sum() {
+    let mut bench = Bench::new();
+    bench.plcs.iter_mut().for_each(|plc| (plc.block.x_EN, plc.block.x_BCC) = (false, false));
+    bench.run(1);
+    bench.plcs.iter_mut().for_each(|plc| plc.block.x_EN = true);
+    let octets: Vec<u8> = (0..=255).collect();
+    bench.plcs[0].start(&octets);
+    bench.run_until(|plcs| plcs[0].block.x_SENT);
+    assert_eq!(bench.plcs[1].take(), Some(octets));
+    bench.plcs[1].start(&[0x10, 0x03]);
+    bench.run_until(|plcs| plcs[1].block.x_SENT);
+    assert_eq!(bench.plcs[0].take(), Some(vec![0x10, 0x03]));
+    // STX, the octets with a doubled 16#10, DLE, ETX; and two times DLE for the block of the partner.
+    let sent = bench.plcs.each_ref().map(|plc| plc.base.u_TX_HEAD.load());
+    assert_eq!(sent, [1 + 257 + 2 + 2, 1 + 3 + 2 + 2]);
+    // Six acknowledgement delays of 550 ms.
+    bench.plcs[1].block.x_EN = false;
+    bench.plcs[0].block.x_SEND = false;
+    bench.run(1);
+    let begin = bench.now;
+    bench.plcs[0].start(&[1]);
+    bench.run(10);
+    bench.run_until(|plcs| !plcs[0].block.x_BUSY);
+    assert_eq!(bench.plcs[0].block.b_ERR_SEND, 1);
+    assert!((3_300_000..3_400_000).contains(&(bench.now - begin)), "{}", bench.now - begin);
+}
+
 #[test]
 fn errors_have_numbers() {
     let mut bench = Bench::new();

@@ -115,6 +115,8 @@ pub enum MasterEvent {
     Returned(u8),
     /// A slave has returned the mirror telegram unchanged.
     Mirrored(u8),
+    /// The exchange of a mirror telegram with a slave failed; the event before has the reason.
+    NotMirrored(u8),
 }
 
 #[derive(Clone, Debug)]
@@ -124,6 +126,7 @@ struct Seat {
     actual: Vec<u16>,
     request: Option<(Request, u8)>,
     failures: u8,
+    has_answered: bool,
 }
 
 /// A telegram outside the cycle.
@@ -145,6 +148,8 @@ enum Phase {
 #[derive(Clone, Debug)]
 pub struct Master {
     timing: Timing,
+    response_delay: u64,
+    tolerance: u64,
     seats: Vec<Seat>,
     next: usize,
     phase: Phase,
@@ -169,10 +174,19 @@ impl Master {
                 return Err(MasterError::Twice(address));
             }
             let words = vec![0; station.layout.pzd()];
-            seats.push(Seat { station, setpoints: words.clone(), actual: words, request: None, failures: 0 });
+            seats.push(Seat {
+                station,
+                setpoints: words.clone(),
+                actual: words,
+                request: None,
+                failures: 0,
+                has_answered: false,
+            });
         }
         Ok(Master {
             timing,
+            response_delay: Timing::RESPONSE_DELAY,
+            tolerance: 0,
             seats,
             next: 0,
             phase: Phase::Pause { until: 0, latest: 0 },
@@ -180,6 +194,19 @@ impl Master {
             extra: VecDeque::new(),
             events: VecDeque::new(),
         })
+    }
+
+    /// Sets the longest time from the end of a request to the begin of the answer, in microseconds. Without this call it
+    /// is [`Timing::RESPONSE_DELAY`].
+    pub const fn set_response_delay(&mut self, delay: u64) {
+        self.response_delay = delay;
+    }
+
+    /// Sets a time in microseconds by which answers may begin and end later. A user that calls the master only at
+    /// intervals passes the interval.
+    pub fn set_tolerance(&mut self, tolerance: u64) {
+        self.tolerance = tolerance;
+        self.receiver.set_tolerance(tolerance);
     }
 
     fn seat(&self, address: u8) -> Result<&Seat, MasterError> {
@@ -221,6 +248,14 @@ impl Master {
     /// There is no such slave.
     pub fn is_present(&self, address: u8) -> Result<bool, MasterError> {
         Ok(self.seat(address)?.failures < LOST_AFTER)
+    }
+
+    /// True if a slave has answered, and the last three exchanges with it did not fail.
+    ///
+    /// # Errors
+    /// There is no such slave.
+    pub fn has_answered(&self, address: u8) -> Result<bool, MasterError> {
+        Ok(self.seat(address)?.has_answered && self.is_present(address)?)
     }
 
     /// Sends a request to a slave in each cycle until the slave answers it. The result is [`MasterEvent::Answered`] or
@@ -265,7 +300,7 @@ impl Master {
     }
 
     /// Sends a mirror telegram to a slave, once, before the next slave of the cycle. The result is
-    /// [`MasterEvent::Mirrored`] or [`MasterEvent::Failed`].
+    /// [`MasterEvent::Mirrored`] or [`MasterEvent::NotMirrored`].
     ///
     /// # Errors
     /// There is no such slave, or the data are longer than 252 characters.
@@ -275,6 +310,12 @@ impl Master {
         telegram.characters()?;
         self.extra.push_back(Extra::Mirror(telegram));
         Ok(())
+    }
+
+    /// True if a broadcast or a mirror telegram has not been sent yet.
+    #[must_use]
+    pub fn has_waiting(&self) -> bool {
+        !self.extra.is_empty()
     }
 
     /// Takes the oldest event. A master keeps the 256 newest.
@@ -335,7 +376,7 @@ impl Master {
         };
         let characters = telegram.characters().unwrap_or_default();
         let end = now + self.timing.characters(characters.len() as u64);
-        let begin = end + Timing::RESPONSE_DELAY + self.timing.characters(1);
+        let begin = end + self.response_delay + self.timing.characters(1) + self.tolerance;
         let address = telegram.address.station();
         self.phase = Phase::Waiting { address, begin, mirror: is_mirror.then_some(telegram) };
         characters
@@ -405,7 +446,7 @@ impl Master {
     fn present(&mut self, address: u8) {
         let Ok(seat) = self.seat_mut(address) else { return };
         let was_lost = seat.failures >= LOST_AFTER;
-        seat.failures = 0;
+        (seat.failures, seat.has_answered) = (0, true);
         if was_lost {
             self.report(MasterEvent::Returned(address));
         }
@@ -418,8 +459,12 @@ impl Master {
     }
 
     fn failed(&mut self, at: u64, address: u8, fault: StationFault) {
+        let is_mirror = matches!(self.phase, Phase::Waiting { mirror: Some(_), .. });
         self.pause(at);
         self.report(MasterEvent::Failed { address, fault });
+        if is_mirror {
+            self.report(MasterEvent::NotMirrored(address));
+        }
         self.count_request(address);
         let Ok(seat) = self.seat_mut(address) else { return };
         seat.failures = seat.failures.saturating_add(1);

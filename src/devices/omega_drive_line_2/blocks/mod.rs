@@ -6,6 +6,8 @@ mod baps;
 mod board;
 mod cansync;
 mod serial_3964r;
+mod serial_ring;
+mod serial_uss;
 
 use crate::devices::cansync::blocks::st::st;
 use crate::plc::{BlockKind, StPart, block_kinds};
@@ -17,6 +19,7 @@ pub use baps::*;
 pub use board::{LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
 pub use cansync::*;
 pub use serial_3964r::{SERIAL_3964R, SERIAL_BMARRAY, SERIAL_OCTETS};
+pub use serial_uss::{SERIAL_USS, USS_BMARRAY};
 
 /// The function blocks with the structures that they work on, in the order of the manual's chapters.
 pub static BLOCKS: &[BlockKind] = block_kinds! {
@@ -32,7 +35,7 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
     "BAPS_CTRL_BMSTRUCT":
         BAPS_INIT BAPS_PD_COMM2 BAPS_PD_COMM8 BAPS_PD_COMM24 BAPS_PD_CONTROL BAPS_PAR_READ BAPS_PAR_WRITE
         BAPS_SD_CONTROL;
-    "SERIAL_BMSTRUCT": SERIAL_3964R;
+    "SERIAL_BMSTRUCT": SERIAL_3964R SERIAL_USS;
     -: LED INTR_SET OPT_INIT TIME_MEASURE_START TIME_MEASURE_END;
 };
 
@@ -47,6 +50,7 @@ pub static ST: &[StPart] = st!(
         include_str!("st/baps_init.st"),
         include_str!("st/baps_pd.st"),
         include_str!("st/baps_sd.st"),
-        include_str!("st/serial_3964r.st")
+        include_str!("st/serial_3964r.st"),
+        include_str!("st/serial_uss.st")
     ]
 );

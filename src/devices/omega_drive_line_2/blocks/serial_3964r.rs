@@ -1,10 +1,10 @@
 //! `SERIAL_3964R`: a partner of the procedure 3964R at the RS485 port (decision D-869).
 
+use super::serial_ring::{drop_received, put, take};
 use crate::devices::omega_drive_line_2::registers::SERIAL_BMSTRUCT;
-use crate::devices::omega_drive_line_2::registers::values::{serial_parity, serial_received, serial_status};
+use crate::devices::omega_drive_line_2::registers::values::{serial_parity, serial_status};
 use crate::plc::{Base, function_block};
 use crate::serial::procedure_3964r::{Event, Priority, Procedure, ProcedureError, Settings};
-use crate::serial::{Character, CharacterError};
 use std::collections::VecDeque;
 
 /// Number of octets of the longest block.
@@ -12,9 +12,6 @@ pub const SERIAL_OCTETS: usize = 1024;
 
 /// The data of a block.
 pub type SERIAL_BMARRAY = [u8; SERIAL_OCTETS];
-
-/// Number of characters in a ring of the port.
-const RING: u16 = 256;
 
 function_block! {
     /// Sends and receives blocks by the procedure 3964R (manual p. 9, 26; pins: decision D-869).
@@ -127,7 +124,7 @@ impl SERIAL_3964R {
         self.internal = Partner { was_send: self.x_SEND, was_taken: self.x_TAKEN, ..Partner::default() };
         (self.x_BUSY, self.x_SENT, self.x_RECEIVED, self.u_RECEIVED) = (false, false, false, 0);
         (self.b_ERR_SEND, self.b_ERR_RECEIVE) = (0, 0);
-        _BASE.u_RX_TAIL.store(_BASE.u_RX_HEAD.load());
+        drop_received(_BASE);
     }
 
     /// Returns the settings of the procedure for the settings of the port.
@@ -166,34 +163,4 @@ impl SERIAL_3964R {
             }
         }
     }
-}
-
-/// Takes the next received character from the ring of the port.
-fn take(_BASE: &Base<SERIAL_BMSTRUCT>) -> Option<Character> {
-    let tail = _BASE.u_RX_TAIL.load();
-    if tail == _BASE.u_RX_HEAD.load() {
-        return None;
-    }
-    let word = _BASE.a_RX[usize::from(tail % RING)].load();
-    _BASE.u_RX_TAIL.store(tail.wrapping_add(1));
-    let errors = [
-        (serial_received::BREAK, CharacterError::Break),
-        (serial_received::FRAMING, CharacterError::Framing),
-        (serial_received::PARITY, CharacterError::Parity),
-        (serial_received::OVERRUN, CharacterError::Overrun),
-    ];
-    let error = errors.into_iter().find(|(bit, _)| word & bit != 0);
-    Some(error.map_or(Character::Byte((word & 0xFF) as u8), |(_, error)| Character::Error(error)))
-}
-
-/// Puts characters into the ring of the port, as many as it has room for.
-fn put(_BASE: &Base<SERIAL_BMSTRUCT>, waiting: &mut VecDeque<u8>) {
-    let mut head = _BASE.u_TX_HEAD.load();
-    while head.wrapping_sub(_BASE.u_TX_TAIL.load()) < RING
-        && let Some(octet) = waiting.pop_front()
-    {
-        _BASE.a_TX[usize::from(head % RING)].store(octet.into());
-        head = head.wrapping_add(1);
-    }
-    _BASE.u_TX_HEAD.store(head);
 }
