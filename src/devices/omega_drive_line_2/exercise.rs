@@ -1,11 +1,10 @@
-//! Exercises for `commram soak`. In one, a master and a slave of CANsync have drives. Another one uses the
-//! drive at the BAPS.
+//! Exercises for `commram soak`: a master and a slave of CANsync with drives, the drive at the BAPS, and two RS485 ports.
 
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::{Exercise, Move, Wrong};
 
 /// All exercises of the device.
-pub(in crate::devices) static EXERCISES: [&Exercise; 2] = [&CANSYNC, &BAPS];
+pub(in crate::devices) static EXERCISES: [&Exercise; 3] = [&CANSYNC, &BAPS, &SERIAL];
 
 static CANSYNC: Exercise = Exercise {
     name: "omega-cansync",
@@ -35,5 +34,30 @@ static BAPS: Exercise = Exercise {
         Move::new("quiet", &[1..=2_000_000]).often(2),
     ],
     wrongs: &[Wrong { script: r#"poke("baps.b_SL_QUIT", 0x55);"#, rule: "owner" }],
+    allowed: &[],
+};
+
+static SERIAL: Exercise = Exercise {
+    name: "omega-serial",
+    plant: include_str!("exercise_serial.toml"),
+    settings: &[
+        &[("SPEED", "9600"), ("WIRES", "4"), ("PARITY", "\"even\""), ("CODE", "2")],
+        &[("SPEED", "38400"), ("WIRES", "2"), ("PARITY", "\"none\""), ("CODE", "0")],
+        &[("SPEED", "1200"), ("WIRES", "2"), ("PARITY", "\"odd\""), ("CODE", "1")],
+    ],
+    script: include_str!("exercise_serial.rhai"),
+    moves: &[
+        Move::new("there", &[0..=255, 1..=200]).often(4),
+        Move::new("back", &[0..=255, 1..=200]).often(4),
+        Move::new("restart", &[]),
+        Move::new("quiet", &[1..=1_000_000]),
+    ],
+    wrongs: &[
+        Wrong { script: r#"poke("a:serial.u_RX_HEAD", 7);"#, rule: "owner" },
+        Wrong {
+            script: r#"poke("a:serial.u_TX_HEAD", (peek("a:serial.u_TX_HEAD") + 300) & 0xFFFF);"#,
+            rule: "serial-ring",
+        },
+    ],
     allowed: &[],
 };
