@@ -5,6 +5,7 @@ mod common;
 
 mod c;
 mod dbc;
+mod foreign_3964r;
 mod formats;
 mod layout_moves;
 mod matiec;

@@ -3,7 +3,7 @@
 
 mod pins;
 mod program;
-mod serial;
+pub(crate) mod serial;
 
 use crate::common::{Emulator, eventually, run, skipped};
 use crate::matiec::{Plc, compile_program, exported};
@@ -44,7 +44,7 @@ max = 500
 ";
 const PLCS: [&str; 2] = ["line", "station"];
 /// Every answer arrives within this time, even on a slow machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 fn emulator(directory: &Path) -> Emulator {
     let plant = directory.join("plant.toml");
