@@ -216,8 +216,8 @@ errors! {
     } => Exit::Failed,
     /// The emulator does not answer in time, because it advances the clock for this client or for another one.
     #[error(
-        "instance '{instance}' did not handle the request within {after_ms} ms: {} {}{}",
-        if *.is_paused { "its clock is paused (`commram speed 1` continues it) at" } else { "it advances the clock, for this command or another one, and is at" },
+        "instance '{instance}' did not handle the request within {after_ms} {} {}{}",
+        if *.is_paused { "ms: its clock is paused (`commram speed 1` continues it) at" } else { "ms: it advances the clock, for this command or another one, and is at" },
         time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |client| format!(", where it waits for {client}"))
     )]
     Busy {
