@@ -112,7 +112,7 @@ fn a_stepped_clock_takes_the_octets_of_a_guest_at_the_next_step() {
 }
 
 #[test]
-fn wireshark_shows_octets_and_breaks_of_a_serial_line() {
+fn wireshark_shows_the_octets_of_a_serial_line_with_their_direction() {
     if !is_there("tshark") {
         return;
     }
@@ -133,7 +133,8 @@ fn wireshark_shows_octets_and_breaks_of_a_serial_line() {
     }
     let output = finish(&mut tshark);
     assert_eq!(output.code, Some(0), "{}", output.err);
-    assert_eq!(output.out, "rs485\t0x01\t313233343536\nrs485\t0x09\t\nrs485\t0x08\t\n");
+    // The file has no packets for the break and the garbled character.
+    assert_eq!(output.out, "rs485\t0x01\t313233343536\n");
     // The log can be read, without the octets.
     let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap(), "--allow-empty"]);
     assert!(compared.err.contains("link type 250"), "{} {}", compared.out, compared.err);
