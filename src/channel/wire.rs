@@ -37,7 +37,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// Version of the format. Increment it, here and in the names of [`WireOp`] and [`Block`], after a change of
 /// an operation, of a reply, or of a type in a reply that only this program can decode (`serde_types.rs`).
-pub(crate) const WIRE_VERSION: u32 = 4;
+pub(crate) const WIRE_VERSION: u32 = 5;
 /// Longest reply in bytes: four full ranges and some space for other replies.
 pub(crate) const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
@@ -48,7 +48,7 @@ pub(crate) const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
-#[type_name("commram.channel.WireOp.v4")]
+#[type_name("commram.channel.WireOp.v5")]
 #[repr(C)]
 pub struct WireOp {
     /// Number of the operation.
@@ -75,7 +75,7 @@ pub struct WireOp {
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
-#[type_name("commram.channel.Block.v4")]
+#[type_name("commram.channel.Block.v5")]
 #[repr(C)]
 pub(crate) struct Block {
     /// Number of the reply.

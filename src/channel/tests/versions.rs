@@ -34,8 +34,8 @@ macro_rules! of_version {
     };
 }
 
-of_version!(older, "commram.channel.WireOp.v3", "commram.channel.Block.v3");
-of_version!(newer, "commram.channel.WireOp.v5", "commram.channel.Block.v5");
+of_version!(older, "commram.channel.WireOp.v4", "commram.channel.Block.v4");
+of_version!(newer, "commram.channel.WireOp.v6", "commram.channel.Block.v6");
 
 const SERVICE: &str = "commram.channel";
 
@@ -49,7 +49,7 @@ fn soon<R>(act: impl FnOnce() -> R) -> R {
 
 #[test]
 fn the_versions_beside_todays_are_tried() {
-    assert_eq!(WIRE_VERSION, 4, "take the version before and the version after it");
+    assert_eq!(WIRE_VERSION, 5, "take the version before and the version after it");
 }
 
 /// A client of the current version at an emulator of another version.
@@ -77,8 +77,8 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
         drop((service, node));
         domain.close(Duration::ZERO);
     }
-    refused::<older::Op, older::Reply>(3);
-    refused::<newer::Op, newer::Reply>(5);
+    refused::<older::Op, older::Reply>(4);
+    refused::<newer::Op, newer::Reply>(6);
 }
 
 /// A client of another version at an emulator of the current version, which goes on to answer clients of the current
