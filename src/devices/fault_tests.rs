@@ -25,7 +25,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// For each kind, a description with all its fields, and the text of this fault in a list.
-const EACH_KIND: [(&str, &str); 38] = [
+const EACH_KIND: [(&str, &str); 39] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -111,6 +111,10 @@ const EACH_KIND: [(&str, &str); 38] = [
         "silent_participant bus=upper sender=partner",
     ),
     ("kind = 'line_break'\nbus = 'upper'\nlength_us = 20000", "line_break bus=upper length_us=20000 count=1"),
+    (
+        "kind = 'silent_drive'\nbus = 'upper'\naddress = 3\nduration_us = 3000000",
+        "silent_drive bus=upper address=3 duration_us=3000000",
+    ),
     ("kind = 'hang'\nplc = 'saw'", "hang plc=saw"),
 ];
 
@@ -241,7 +245,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
              error_frame, lost_arbitration, lose_telegram, delay_telegram, repeat_telegram, garble_telegram, \
              wrong_frame_count, silent_station, noise, short_circuit, wire_break, supply, temperature, memory, \
              fatal, can_init, lose_character, garble_character, delay_character, silent_participant, \
-             line_break, hang",
+             line_break, silent_drive, hang",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",

@@ -27,7 +27,7 @@ class WireOp(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "commram.channel.WireOp.v4"
+        return "commram.channel.WireOp.v5"
 
 
 class Block(ctypes.Structure):
@@ -42,7 +42,7 @@ class Block(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "commram.channel.Block.v4"
+        return "commram.channel.Block.v5"
 
 
 class Channel:
