@@ -95,13 +95,10 @@ impl Bench {
         self.master.request(address, request).unwrap();
         for _ in 0..100 {
             self.run(10_000);
-            while let Some(event) = self.master.next_event() {
-                match event {
-                    MasterEvent::Answered { address: from, reply } if from == address => {
-                        return (reply.code, reply.values);
-                    }
-                    other => panic!("{other:?}"),
-                }
+            if let Some(event) = self.master.next_event() {
+                let MasterEvent::Answered { address: from, reply } = event else { panic!("{event:?}") };
+                assert_eq!(from, address);
+                return (reply.code, reply.values);
             }
         }
         panic!("no answer");
