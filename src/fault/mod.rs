@@ -28,7 +28,7 @@ pub(crate) use kind::{DECLARED_BITS, Declaration, MOST_DECLARED, is_declared};
 pub use kind::{FaultKind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
 pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::{BusSite, DeviceSite, Owner, Sites, Target};
-#[cfg(feature = "cli")]
+#[cfg(feature = "script")]
 pub(crate) use spec::in_installation;
 pub use words::WordError;
 

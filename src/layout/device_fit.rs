@@ -73,6 +73,7 @@ impl DeviceFit {
     }
 
     /// Sets the number of the declarations in the folder of the device.
+    #[cfg(feature = "emulator")]
     #[must_use]
     pub(crate) fn declaring(self, declarations: u64) -> Self {
         Self { declarations, ..self }
@@ -80,6 +81,7 @@ impl DeviceFit {
 
     /// Returns the number of the declarations in the folder of the device; 0 if there are none. Devices with equal
     /// registers may have different declarations.
+    #[cfg(feature = "emulator")]
     pub(crate) const fn declarations(&self) -> u64 {
         self.declarations
     }

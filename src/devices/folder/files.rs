@@ -3,7 +3,9 @@
 use super::{FolderError, SCRIPT, handshakes};
 use crate::layout::did_you_mean;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "script")]
+use std::path::PathBuf;
 
 /// File in a folder with the exercise of the device. It is not a part of the firmware.
 pub(super) const EXERCISE: &str = "exercise.rhai";

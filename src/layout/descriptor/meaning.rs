@@ -109,6 +109,7 @@ impl BitField {
     }
 
     /// Returns the meaning of the field's value `part`, if it is known.
+    #[cfg(feature = "emulator")]
     pub(crate) fn value(&self, part: u32) -> Option<&'static ValueMeaning> {
         ValueMeaning::find(self.values, part)
     }
