@@ -1,12 +1,10 @@
 //! `SERIAL_USS`: the program of PLC `line` drives the slaves of a serial line. They are drives of the plant, or a slave in the
 //! program of PLC `partner`.
 
-use crate::rig::plant_of;
-use commram::devices::fault_kinds;
+use crate::rig::{add_fault, drive_parameter, plant_of};
 use commram::devices::omega_drive_line_2::blocks::{Base, Ram, SERIAL_USS, USS_BMARRAY};
 use commram::devices::omega_drive_line_2::registers::values::{serial_control, serial_parity};
 use commram::devices::omega_drive_line_2::registers::{SERIAL, SERIAL_BMSTRUCT};
-use commram::fault::FaultSpec;
 use commram::plant::Plant;
 use commram::serial::Character;
 use commram::serial::uss::{
@@ -169,15 +167,11 @@ impl Bench {
     }
 
     fn parameter(&self, drive: usize, number: u16) -> i64 {
-        let details = self.plant.drive(drive).unwrap();
-        details.parameters.iter().find(|it| it.number == number).unwrap().value
+        drive_parameter(&self.plant, drive, number)
     }
 
     fn fault(&mut self, kind: &str, words: &[&str]) {
-        let words: Vec<String> = words.iter().map(ToString::to_string).collect();
-        let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
-        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
-        self.plant.add_fault(fault).unwrap();
+        add_fault(&mut self.plant, kind, words);
     }
 }
 

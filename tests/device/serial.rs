@@ -1,12 +1,11 @@
 //! Serial lines: characters between RS485 ports and guests, their times, errors and faults.
 
-use crate::rig::plant_of;
+use crate::rig::{add_fault, plant_of};
 use commram::devices::omega_drive_line_2::registers::values::{
     serial_control, serial_parity, serial_received, serial_resistors, serial_status, serial_transmitted,
 };
 use commram::devices::omega_drive_line_2::registers::{SERIAL, SERIAL_BMSTRUCT};
-use commram::devices::{Power, catalogue, fault_kinds};
-use commram::fault::FaultSpec;
+use commram::devices::{Power, catalogue};
 use commram::identity::{BusIndex, DeviceIndex};
 use commram::journal::Format;
 use commram::journal::text::Text;
@@ -358,10 +357,7 @@ fn a_program_that_writes_the_counters_of_the_port_is_found() {
 /// Runs both directions with one fault, and returns the characters that `b` and `a` receive.
 fn disturbed(kind: &str, words: &[&str]) -> (Plant, [Vec<u16>; 2]) {
     let (mut plant, a, b) = ready(4);
-    let words: Vec<String> = words.iter().map(ToString::to_string).collect();
-    let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
-    let fault = spec.resolve(fault_kinds(), &plant.names()).unwrap();
-    plant.add_fault(fault).unwrap();
+    add_fault(&mut plant, kind, words);
     plant.advance_to(2_400);
     a.send(&[0x41, 0x42, 0x42]);
     b.send(&[0x51]);
@@ -405,10 +401,7 @@ fn a_break_on_the_line_reaches_all_participants() {
 #[test]
 fn a_restored_line_continues_like_the_original() {
     let (mut plant, a, b) = ready(4);
-    let words = ["octet=16#03".to_owned(), "count=1".to_owned()];
-    let spec = FaultSpec::from_words(fault_kinds(), "garble_character", &words).unwrap();
-    let fault = spec.resolve(fault_kinds(), &plant.names()).unwrap();
-    plant.add_fault(fault).unwrap();
+    add_fault(&mut plant, "garble_character", &["octet=16#03", "count=1"]);
     a.send(&[1, 2, 3, 4]);
     plant.send_telegram(LINE, vec![5, 6, 7]).unwrap();
     plant.advance_to(4_000);

@@ -1,10 +1,9 @@
 //! Drives on a serial line: slaves of the protocol USS. The program of a PLC is the master, through the port of the PLC.
 
-use crate::rig::plant_of;
+use crate::rig::{add_fault, drive_parameter, plant_of};
 use commram::devices::omega_drive_line_2::registers::values::{serial_control, serial_parity};
 use commram::devices::omega_drive_line_2::registers::{SERIAL, SERIAL_BMSTRUCT};
-use commram::devices::{ParameterRefusal, catalogue, fault_kinds};
-use commram::fault::FaultSpec;
+use commram::devices::{ParameterRefusal, catalogue};
 use commram::journal::Format;
 use commram::journal::text::Text;
 use commram::memory::View;
@@ -109,15 +108,11 @@ impl Bench {
     }
 
     fn parameter(&self, drive: usize, number: u16) -> i64 {
-        let details = self.plant.drive(drive).unwrap();
-        details.parameters.iter().find(|it| it.number == number).unwrap().value
+        drive_parameter(&self.plant, drive, number)
     }
 
     fn fault(&mut self, kind: &str, words: &[&str]) {
-        let words: Vec<String> = words.iter().map(ToString::to_string).collect();
-        let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
-        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
-        self.plant.add_fault(fault).unwrap();
+        add_fault(&mut self.plant, kind, words);
     }
 
     fn events(&mut self) -> Vec<MasterEvent> {

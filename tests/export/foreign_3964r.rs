@@ -6,14 +6,12 @@
 
 use crate::common::{Emulator, eventually, skipped, wait_for};
 use crate::matiec::Plc;
+use crate::serial_partner::{Partner, port_of, start_timer};
 use crate::st_blocks::PATIENCE;
 use crate::st_blocks::serial::compiled;
-use commram::devices::omega_drive_line_2::blocks::{
-    Base, INTR_SET, Ram, SERIAL_3964R, SERIAL_BMARRAY, SERIAL_OCTETS, SERIAL_USS, USS_BMARRAY,
-};
-use commram::devices::omega_drive_line_2::registers::values::{serial_control, serial_parity};
-use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, SERIAL, SERIAL_BMSTRUCT};
-use commram::memory::{AttachMode, Attached, Image, MemoryError};
+use commram::devices::omega_drive_line_2::blocks::{SERIAL_USS, USS_BMARRAY};
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
+use commram::memory::{AttachMode, Image, MemoryError};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -114,18 +112,6 @@ fn run(emulator: &Emulator, child: &mut Child) {
     assert_eq!(wait_for(child, "rl3964r").code(), Some(0));
 }
 
-/// Switches the port of a PLC on.
-fn port(image: &Attached, wires: u8) -> Result<Base<SERIAL_BMSTRUCT>, MemoryError> {
-    let base = Ram::of(image.segment())?.at::<SERIAL_BMSTRUCT>(SERIAL)?;
-    base.u_BAUD_RATE.store(38_400);
-    base.us_DATA_BITS.store(8);
-    base.b_PARITY.store(serial_parity::EVEN);
-    base.us_STOP_BITS.store(1);
-    base.us_WIRES.store(wires);
-    base.w_CONTROL.store(serial_control::ON);
-    Ok(base)
-}
-
 /// A program in Rust: sends the blocks by 3964R, and moves the drive. Returns the blocks that came back, and the speed that
 /// the drive has reported.
 fn program(
@@ -135,41 +121,18 @@ fn program(
 ) -> Result<(Vec<Vec<u8>>, [u16; 2]), MemoryError> {
     let line = Image::attach(instance, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
     let master = Image::attach(instance, "master", AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
-    let ram = Ram::of(line.segment())?;
     let mut task = line.join_lockstep(0, PATIENCE, PATIENCE)?;
-    let mut event = INTR_SET { i_PAR1: 20, x_EN: true, ..Default::default() };
-    line.wait_until("INTR_SET", PATIENCE, |_| {
-        event.call(&ram);
-        line.ring().ok()?;
-        event.is_answered().then_some(())
-    })?;
-    let (to_partner, to_drives) = (port(&line, 4)?, port(&master, 2)?);
+    start_timer(&line)?;
+    let (to_partner, to_drives) = (port_of(&line, 4)?, port_of(&master, 2)?);
     ready.send(()).unwrap();
-    let mut partner = SERIAL_3964R { x_EN: true, x_HIGH: true, ..Default::default() };
+    let mut partner = Partner::new(blocks(), true);
     let mut drives = SERIAL_USS { x_EN: true, d_SLAVES: 1 << 3, us_PZD: 3, ..Default::default() };
-    let (mut send, mut received): (Box<SERIAL_BMARRAY>, Box<SERIAL_BMARRAY>) =
-        (Box::new([0; SERIAL_OCTETS]), Box::new([0; SERIAL_OCTETS]));
     let (mut setpoints, mut actual): (Box<USS_BMARRAY>, Box<USS_BMARRAY>) =
         (Box::new([0; 512]), Box::new([0; 512]));
     let (values, mut reply): (USS_BMARRAY, USS_BMARRAY) = ([0; 512], [0; 512]);
-    let (mut left, mut sent, mut back) = (blocks().into_iter(), 0, Vec::new());
     let mut is_told = false;
     while task.next_event(PATIENCE).is_ok() {
-        if partner.x_SEND {
-            partner.x_SEND = false;
-        } else if !partner.x_BUSY
-            && back.len() == sent
-            && let Some(octets) = left.next()
-        {
-            send[..octets.len()].copy_from_slice(&octets);
-            (partner.u_SEND, partner.x_SEND) = (octets.len() as u16, true);
-            sent += 1;
-        }
-        partner.x_TAKEN = partner.x_RECEIVED;
-        partner.call(&to_partner, &send, &mut received);
-        if partner.x_RECEIVED {
-            back.push(received[..usize::from(partner.u_RECEIVED)].to_vec());
-        }
+        partner.call(&to_partner);
         // DRIVECOM: ready to switch on, switched on, operation enabled.
         setpoints[48] = match actual[48] & 0x006F {
             0x0021 => 0x0007,
@@ -178,14 +141,14 @@ fn program(
         };
         (setpoints[49], setpoints[50]) = (0x0001, 0x2345);
         drives.call(&to_drives, &setpoints, &mut actual, &values, &mut reply);
-        if back.len() == blocks().len() && actual[50] == 0x2345 && !is_told {
+        if partner.back.len() == blocks().len() && actual[50] == 0x2345 && !is_told {
             is_told = true;
             done.send(()).unwrap();
         }
         line.ring()?;
         master.ring()?;
     }
-    Ok((back, [actual[49], actual[50]]))
+    Ok((partner.back, [actual[49], actual[50]]))
 }
 
 #[test]

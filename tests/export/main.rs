@@ -11,6 +11,7 @@ mod layout_moves;
 mod matiec;
 mod openplc;
 mod played;
+mod serial_partner;
 mod st_blocks;
 mod starts;
 mod strucpp;

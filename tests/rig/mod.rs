@@ -14,6 +14,8 @@ use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
+use commram::devices::fault_kinds;
+use commram::fault::FaultSpec;
 use commram::identity::DeviceIndex;
 use commram::journal::{Record, Rule, Severity};
 use commram::layout::DeviceFit;
@@ -23,6 +25,19 @@ use commram::plant::{Plant, PlantConfig, PlantError};
 pub(crate) use kinds::{FASTEST, NodeDevice, NodePlace, OMEGA_RATES, RATES, Rate};
 use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Adds a fault that begins now; returns its number. `fields` are words as on the command line.
+pub(crate) fn add_fault(plant: &mut Plant, kind: &str, fields: &[&str]) -> u16 {
+    let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
+    let fault = spec.resolve(fault_kinds(), &plant.names()).unwrap();
+    plant.add_fault(fault).unwrap()
+}
+
+/// Returns the value of a parameter of a drive.
+pub(crate) fn drive_parameter(plant: &Plant, drive: usize, number: u16) -> i64 {
+    let details = plant.drive(drive).unwrap();
+    details.parameters.iter().find(|it| it.number == number).unwrap().value
+}
 
 /// Kind of memory in which the plant has its RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,18 +1,14 @@
 //! The error paths of the BAPS blocks, with a silent or slow drive.
 
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, exchange, init};
-use crate::rig::Memory;
-use commram::devices::fault_kinds;
+use crate::rig::{Memory, add_fault};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::fault::FaultSpec;
 use std::time::Duration;
 
 impl Stage {
     /// Adds a fault that begins at once; returns its number.
     fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
-        let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
-        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
-        self.plant.add_fault(fault).unwrap()
+        add_fault(&mut self.plant, kind, fields)
     }
 }
 

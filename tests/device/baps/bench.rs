@@ -1,12 +1,10 @@
 //! A plant of one PLC that uses only its BAPS.
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
-use crate::rig::{BOTH, Memory, Rate, segment};
+use crate::rig::{BOTH, Memory, Rate, add_fault, segment};
 use commram::devices::cansync::drive::BuiltInDrive;
-use commram::devices::fault_kinds;
 use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
-use commram::fault::FaultSpec;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
 use commram::plant::{Plant, PlantConfig};
@@ -114,9 +112,7 @@ impl Bench {
 
     /// Adds a fault that begins at once; returns its number.
     pub(crate) fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
-        let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
-        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
-        self.plant.add_fault(fault).unwrap()
+        add_fault(&mut self.plant, kind, fields)
     }
 
     pub(crate) fn numbers(&self, writes: &[u16], reads: &[u16]) {

@@ -4,11 +4,9 @@
 use super::PATIENCE;
 use crate::common::{Emulator, run, skipped};
 use crate::matiec::{Plc, SOURCES, compile_program, exported};
-use commram::devices::omega_drive_line_2::blocks::{
-    INTR_SET, Ram, SERIAL_3964R, SERIAL_BMARRAY, SERIAL_OCTETS,
-};
-use commram::devices::omega_drive_line_2::registers::values::{serial_control, serial_parity};
-use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, SERIAL, SERIAL_BMSTRUCT};
+use crate::serial_partner::{Partner, port_of, start_timer};
+use commram::devices::omega_drive_line_2::blocks::SERIAL_OCTETS;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::memory::{AttachMode, Image, MemoryError};
 use serde_json::Value;
 use std::fs;
@@ -48,46 +46,17 @@ fn partner(
     has_check_sum: bool,
 ) -> Result<Vec<Vec<u8>>, MemoryError> {
     let attached = Image::attach(instance, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
-    let ram = Ram::of(attached.segment())?;
     let mut task = attached.join_lockstep(0, PATIENCE, PATIENCE)?;
-    let mut event = INTR_SET { i_PAR1: 20, x_EN: true, ..Default::default() };
-    attached.wait_until("INTR_SET", PATIENCE, |_| {
-        event.call(&ram);
-        attached.ring().ok()?;
-        event.is_answered().then_some(())
-    })?;
-    let base = ram.at::<SERIAL_BMSTRUCT>(SERIAL)?;
-    base.u_BAUD_RATE.store(38_400);
-    base.us_DATA_BITS.store(8);
-    base.b_PARITY.store(serial_parity::EVEN);
-    base.us_STOP_BITS.store(1);
-    base.us_WIRES.store(4);
-    base.w_CONTROL.store(serial_control::ON);
+    start_timer(&attached)?;
+    let port = port_of(&attached, 4)?;
     ready.send(()).unwrap();
-    let mut block = SERIAL_3964R { x_EN: true, x_HIGH: true, x_BCC: has_check_sum, ..Default::default() };
-    let (mut send, mut received): (Box<SERIAL_BMARRAY>, Box<SERIAL_BMARRAY>) =
-        (Box::new([0; SERIAL_OCTETS]), Box::new([0; SERIAL_OCTETS]));
-    let (mut left, mut sent, mut back) = (blocks().into_iter(), 0, Vec::new());
+    let mut partner = Partner::new(blocks(), has_check_sum);
     while task.next_event(PATIENCE).is_ok() {
-        if block.x_SEND {
-            block.x_SEND = false;
-        } else if !block.x_BUSY
-            && back.len() == sent
-            && let Some(octets) = left.next()
-        {
-            send[..octets.len()].copy_from_slice(&octets);
-            (block.u_SEND, block.x_SEND) = (octets.len() as u16, true);
-            sent += 1;
-        }
-        block.x_TAKEN = block.x_RECEIVED;
-        block.call(&base, &send, &mut received);
-        if block.x_RECEIVED {
-            back.push(received[..usize::from(block.u_RECEIVED)].to_vec());
-            count.store(back.len(), Ordering::Release);
-        }
+        partner.call(&port);
+        count.store(partner.back.len(), Ordering::Release);
         attached.ring()?;
     }
-    Ok(back)
+    Ok(partner.back)
 }
 
 /// The program in Structured Text is the master of two drives.
