@@ -74,11 +74,10 @@ impl Run {
         (self.watched.words()[index] & mask(register) != 0).then_some(index)
     }
 
-    /// Returns the words that contain a watched register: their values after the last check, their present values, and
-    /// the bits that are compared.
-    fn words(&mut self) -> impl Iterator<Item = (&mut u64, &Cell64, u64)> {
-        let words = self.left.words_mut().iter_mut().zip(self.now.iter()).zip(self.watched.words());
-        words.filter(|(_, watched)| **watched != 0).map(|((left, now), watched)| (left, now, *watched))
+    /// Returns the values after the last check of the words that contain a watched register.
+    fn left_mut(&mut self) -> impl Iterator<Item = &mut u64> {
+        let words = self.left.words_mut().iter_mut().zip(self.watched.words());
+        words.filter(|(_, watched)| **watched != 0).map(|(left, _)| left)
     }
 }
 
@@ -105,7 +104,7 @@ impl SnapshotFields for RegisterWatch {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.leave();
-        let mut words: Vec<_> = self.runs.iter_mut().flat_map(Run::words).map(|(left, ..)| left).collect();
+        let mut words: Vec<_> = self.runs.iter_mut().flat_map(Run::left_mut).collect();
         for (index, difference) in from.value::<Vec<(usize, u64)>>()? {
             **words.get_mut(index).ok_or_else(|| from.no("word"))? ^= difference;
         }
@@ -203,8 +202,7 @@ impl RegisterWatch {
                 }
                 let offset = run.first + index as u32 * WORD;
                 for checked in registers.get(within(registers, offset, WORD)).unwrap_or_default() {
-                    let live = checked.phase.map_or(Some(RegisterPhase::ALWAYS), |index| phases[index]);
-                    if let Some(live) = live
+                    if let Some(live) = checked.live(&phases)
                         && differs & mask(&checked.register) != 0
                     {
                         checked.judge(*plc, live, now, (time, journal));
@@ -229,8 +227,7 @@ impl RegisterWatch {
         let first = offset.saturating_sub(WORD);
         let near = registers.get(within(registers, first, offset - first + bytes)).unwrap_or_default();
         for checked in near.iter().filter(|it| is_hit(&it.register)) {
-            let live = checked.phase.map_or(Some(RegisterPhase::ALWAYS), |index| phases[index]);
-            let Some(live) = live else { continue };
+            let Some(live) = checked.live(&phases) else { continue };
             if let Some(now) = take_over(runs, &checked.register) {
                 checked.judge(*plc, live, now, (time, journal));
             }
@@ -263,6 +260,11 @@ fn take_over(runs: &mut [Run], register: &RegisterRef) -> Option<u64> {
 }
 
 impl CheckedRegister {
+    /// Returns the phase of the register; `None` if it has changed since the last check. `phases` are those of the areas.
+    fn live(&self, phases: &[Option<RegisterPhase>]) -> Option<RegisterPhase> {
+        self.phase.map_or(Some(RegisterPhase::ALWAYS), |index| phases[index])
+    }
+
     /// Reports a write that breaks the rule. `live` is the present phase of the register, and `word` is the
     /// present value of its word.
     fn judge(&self, plc: DeviceIndex, live: RegisterPhase, word: u64, (time, journal): (u64, &mut Journal)) {

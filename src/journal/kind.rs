@@ -108,12 +108,6 @@ pub enum OctetsKind {
     Sent,
     /// Octets that another participant has sent.
     Received,
-    /// A character without a stop bit. There are no octets.
-    FramingError,
-    /// A character with a wrong parity bit. There are no octets.
-    ParityError,
-    /// A break. There are no octets.
-    Break,
 }
 
 impl OctetsKind {

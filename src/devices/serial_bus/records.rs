@@ -178,15 +178,6 @@ impl EventText for SerialError {
         format!("{} from {}", self.reason.text(), reader.port(self.sender))
     }
 
-    fn telegram(&self) -> Option<Octets> {
-        let kind = match self.reason {
-            Disturbance::Break => OctetsKind::Break,
-            Disturbance::Collision => OctetsKind::FramingError,
-            Disturbance::Garbled => OctetsKind::ParityError,
-        };
-        Some(Octets { kind, known: Vec::new(), length: 0 })
-    }
-
     fn guest(&self) -> Option<u8> {
         self.sender.guest()
     }

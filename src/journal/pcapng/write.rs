@@ -70,9 +70,6 @@ const fn serial_kind(kind: OctetsKind) -> u8 {
     match kind {
         OctetsKind::Sent => 1,
         OctetsKind::Received => 2,
-        OctetsKind::FramingError => 7,
-        OctetsKind::ParityError => 8,
-        OctetsKind::Break => 9,
     }
 }
 
