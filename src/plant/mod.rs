@@ -293,12 +293,8 @@ impl Plant {
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
             }
-            if self.next_cycle <= due {
-                if !self.leaves_cycles_out(due, time) {
-                    (due, which) = (self.next_cycle, NextEvent::Cycle);
-                } else if self.next_cycle <= due {
-                    continue;
-                }
+            if !self.leaves_cycles_out(due, time) {
+                (due, which) = (self.next_cycle, NextEvent::Cycle);
             }
             if self.faults.next_time() <= due.min(time) {
                 self.now = self.now.max(self.faults.next_time());
@@ -435,28 +431,30 @@ impl Plant {
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    /// Handles the present event of a bus. If no participant can see the order of events, also handles the
-    /// next events of this bus before earlier events of other buses.
+    /// Handles the present event of a bus. If nothing outside the firmware depends on each single event, also handles
+    /// the next events of this bus, up to the next event of another participant, and skips processor cycles between them
+    /// that change nothing.
     fn bus_events(&mut self, index: BusIndex, time: u64) {
         // If the device of a port handles frames, it must do so before the next event of the bus.
         let is_linked = self.ports.is_linked(index);
         let until = if self.is_unobserved() && !is_linked {
-            let others =
-                self.schedule.first_besides(index.index()).min(self.next_cycle).min(self.next_device);
-            others.min(time.saturating_add(1))
+            // A plant with devices in folders may pause at each processor cycle.
+            let pause = if self.folders.is_empty() { NEVER } else { self.next_cycle };
+            let others = self.schedule.first_besides(index.index()).min(self.next_device);
+            others.min(pause).min(time.saturating_add(1))
         } else {
             0
         };
-        let Plant { now, buses, journal, faults, edges, .. } = self;
-        let Some(bus) = buses.get_mut(index.index()) else { return };
         let signal = loop {
+            let Plant { now, buses, journal, faults, edges, .. } = self;
+            let Some(bus) = buses.get_mut(index.index()) else { return };
             let signal = bus.event(&mut World { now: *now, journal, faults, edges });
             let next = bus.next_time();
-            if signal.is_some() || !edges.is_empty() || next >= until {
+            if signal.is_some() || !edges.is_empty() || next >= until || !self.leaves_cycles_out(next, time) {
                 self.schedule.set(index.index(), next);
                 break signal;
             }
-            *now = next;
+            self.now = next;
         };
         if is_linked {
             self.find_next_device();

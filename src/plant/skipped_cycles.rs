@@ -43,12 +43,22 @@ impl Plant {
         }
     }
 
-    /// Called at the next processor cycle. `due` is the time of the next event other than a processor cycle.
-    /// Skips this cycle and the cycles until `due` if they would only update the registers that show the live
-    /// traffic. A later cycle, at `time` at the latest, updates these registers (decision D-585). Returns
-    /// true if cycles were skipped.
+    /// Skips the processor cycles until `due` if they would only update the registers that show the live traffic. `due` is
+    /// the time of the next event other than a processor cycle. A later cycle, at `time` at the latest, updates these
+    /// registers (decision D-585). Returns true if no cycle is left at `due` or earlier.
     #[inline]
     pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
+        while self.next_cycle <= due {
+            if !self.leaves_first_cycles_out(due, time) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Skips the next processor cycle, and the cycles after it until `due` if a single check can decide about them. Returns
+    /// false if the next cycle must run.
+    fn leaves_first_cycles_out(&mut self, due: u64, time: u64) -> bool {
         let (first, cycle_us) = (self.next_cycle, self.cycle_us);
         if first + cycle_us > time || self.watching || !self.is_unobserved() {
             return false;
