@@ -51,6 +51,11 @@ impl DueQueue {
         }
     }
 
+    /// Returns the next time of participant `participant`.
+    pub(crate) fn time(&self, participant: usize) -> u64 {
+        self.groups[participant / GROUP][participant % GROUP]
+    }
+
     /// Returns the earliest time.
     #[inline]
     pub(crate) fn first(&self) -> u64 {

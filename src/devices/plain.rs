@@ -192,6 +192,12 @@ impl<F: Firmware> Plain<F> {
         self.firmware.ordered(ctx, order);
     }
 
+    /// True if the power of the supply has failed or returned since the last poll. No client causes this, so only a
+    /// processor cycle handles it.
+    fn feed_has_changed(&self) -> bool {
+        self.supply.is_fed() != self.firmware.is_fed()
+    }
+
     /// Sets every register to its value after power-on.
     fn reset_registers(&self) -> Result<(), MemoryError> {
         let fitted = DeviceFit::unknown(self.layout);
@@ -246,7 +252,7 @@ impl<F: Firmware> Front for Plain<F> {
     }
 
     fn look(&mut self, ctx: &mut Context) -> FrontAction {
-        if !self.front_has_changed() {
+        if !self.front_has_changed() && !self.feed_has_changed() {
             return FrontAction::Nothing;
         }
         let look = self.supply.feed(&self.face, self.firmware.is_fed());
@@ -261,7 +267,6 @@ impl<F: Firmware> Front for Plain<F> {
 
     fn front_has_changed(&self) -> bool {
         self.supply.has_changed(&self.face)
-            || self.supply.is_fed() != self.firmware.is_fed()
             || !self.firmware.starts_program() && self.starts.has_changed(&self.face)
     }
 
@@ -293,11 +298,11 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn is_quiescent(&self) -> bool {
-        self.firmware.is_quiescent() && !self.front_has_changed()
+        self.firmware.is_quiescent() && !self.front_has_changed() && !self.feed_has_changed()
     }
 
     fn needs_each_cycle(&self) -> bool {
-        self.supply.is_up() && self.firmware.needs_each_cycle()
+        self.supply.is_up() && self.firmware.needs_each_cycle() || self.feed_has_changed()
     }
 
     fn events(&mut self) -> Option<&mut Events> {

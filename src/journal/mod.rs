@@ -338,10 +338,12 @@ impl Journal {
         // The counted events belong to the previous state of the port, so their records are written before the record
         // of the new state.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
-        if let Some(State { origin: port, live, .. }) = event.get() {
+        let mut shown = None;
+        if let Some(State { origin: port, live, offset, to, .. }) = event.get() {
             self.phases.entered(self.ring.end(), PortPhase { port, live });
+            shown = (offset == command).then_some(to.into());
         }
-        let latency_us = self.requests.commanded(time_us, plc, command);
+        let latency_us = self.requests.commanded(time_us, plc, command, shown);
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
 

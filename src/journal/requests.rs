@@ -79,9 +79,21 @@ impl Requests {
     }
 
     /// Ends a command with a change of state; returns the time since the last command in the register at `offset`, if
-    /// that is known.
-    pub(crate) fn commanded(&mut self, time_us: u64, plc: DeviceIndex, offset: u32) -> Option<u32> {
-        self.take(plc, offset)?.latency(time_us)
+    /// that is known. `shown` is the new state if the register of the commands shows it. Then a command with this value
+    /// has changed the state without an answer, and does not end.
+    pub(crate) fn commanded(
+        &mut self,
+        time_us: u64,
+        plc: DeviceIndex,
+        offset: u32,
+        shown: Option<u32>,
+    ) -> Option<u32> {
+        let made = self.take(plc, offset)?;
+        if shown == Some(made.value) {
+            self.written(made.time_us, plc, offset, made.value);
+            return None;
+        }
+        made.latency(time_us)
     }
 
     /// Removes and returns the request in the register at `offset`.

@@ -176,7 +176,7 @@ impl AreaStructure {
 
 impl Register {
     /// True if the name of `self` is the name of `other`.
-    pub(super) fn has_name_of(&self, other: &Self) -> bool {
+    pub(crate) fn has_name_of(&self, other: &Self) -> bool {
         self.name == other.name && self.group == other.group
     }
 

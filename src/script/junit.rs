@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn texts_with_characters_that_xml_does_not_allow_make_a_whole_report() {
-        let hostile = "x\u{ffff}\u{fffe}\u{1}\u{1b}[0m";
+        let hostile = "x\u{ffff}\u{fffe}\u{202e}\u{1b}[0m";
         let outcomes = [Outcome::Died, Outcome::NotRun, Outcome::Skipped, |_| Outcome::Passed]
             .map(|outcome: fn(String) -> Outcome| outcome(hostile.to_owned()));
         let reports = outcomes.map(|outcome| Report {

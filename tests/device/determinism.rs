@@ -2,6 +2,7 @@
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
 use commram::check::rules;
+use commram::script::Bench;
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nramp_per_second = 100000\n";
@@ -53,6 +54,24 @@ fn equal_runs_have_equal_journals_on_both_memories_in_any_slices() {
         }
         assert_ne!(run(Memory::Heap, rate, u64::MAX, 4).0, hash, "other values, other journal");
     }
+}
+
+/// A controller takes the return of its supply in a processor cycle, and not at the beginning of a step.
+#[test]
+fn a_supply_that_returns_is_noticed_at_the_same_time_in_any_slices() {
+    const PLANT: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nnode_id = 32\nkbit_s = 125\n\
+                         [[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
+    let run = |steps: &[&str]| {
+        let mut bench = Bench::plant(PLANT).unwrap();
+        bench.step("300744us").unwrap();
+        bench.fault("supply plc=panel what=drop duration=10ms").unwrap();
+        steps.iter().for_each(|step| bench.step(step).unwrap());
+        let lines = bench.last_entries(10).unwrap();
+        (bench.journal_hash(), lines.into_iter().map(|line| line.text).collect::<Vec<_>>())
+    };
+    let (hash, lines) = run(&["11045us"]);
+    assert!(lines.iter().any(|line| line.contains("panel on") || line == "on"), "{lines:#?}");
+    assert_eq!(run(&["10045us", "1000us"]), (hash, lines));
 }
 
 /// A program may write `w_CANsync_STATUS`, which the firmware refreshes in every processor cycle (manual 5.00005.03a p.

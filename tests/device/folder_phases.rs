@@ -109,6 +109,36 @@ fn written(register, old, value) {
     }
 }
 
+/// All structures have the register of the phase, so its hook must not be called for each of them. The journal shows an
+/// answer only if the script writes the register after the program.
+#[test]
+fn a_store_in_the_register_of_the_phase_is_one_write_and_no_answer() {
+    let script = "\
+const WRITTEN = [\"card.w_PH\"];
+fn written(register, old, value) {
+    journal(`${register} ${old} ${value}`);
+    if value == 20 { output(\"card.w_PH\", 3); }
+}
+";
+    let mut bench = card(script).bench();
+    for (value, notes, answers) in [(12, vec!["card.w_PH 0 12"], 0), (20, vec!["card.w_PH 12 20"], 1)] {
+        let before = journal(&mut bench).len();
+        bench.poke("card.w_PH", value).unwrap();
+        bench.step("1ms").unwrap();
+        let lines = journal(&mut bench).split_off(before);
+        let hooks: Vec<_> = lines
+            .iter()
+            .filter_map(|line| Some(&line[line.find("card.w_PH 0 12").or(line.find("card.w_PH 12 20"))?..]))
+            .collect();
+        assert_eq!(hooks, notes, "{lines:#?}");
+        assert_eq!(
+            lines.iter().filter(|line| line.contains("answered after")).count(),
+            answers,
+            "{lines:#?}"
+        );
+    }
+}
+
 #[test]
 fn overlaid_structures_that_have_no_clear_phase_are_refused() {
     let twice = card("fn poll() {}");

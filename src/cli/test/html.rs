@@ -5,7 +5,6 @@ mod sequence;
 
 use super::line::summary;
 use super::origin::Origin;
-use crate::plain_text::is_interpreted;
 use crate::script::{Failure, FoundLine, Outcome, PlotFile, Report, ScriptLocation, Step};
 use crate::time::seconds;
 use crate::xml_text;
@@ -101,8 +100,8 @@ impl<T: Display> Display for EscapedText<T> {
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
                 '\n' | '\t' => write!(f, "{letter}")?,
-                // Characters that a page must not contain, and characters that change the direction of the text.
-                sign if is_interpreted(sign) || !xml_text::is_allowed(sign) => f.write_str("\u{FFFD}")?,
+                // Characters that a page must not contain.
+                sign if sign == '\r' || !xml_text::is_allowed(sign) => f.write_str("\u{FFFD}")?,
                 other => write!(f, "{other}")?,
             }
         }

@@ -255,8 +255,8 @@ impl SnapshotFields for Stations {
             ends,
             rate: _,
             waiting,
-            // `due` and `acceptance` are rebuilt after loading, from the times and filters of the stations.
-            due: _,
+            due,
+            // `acceptance` is rebuilt after loading, from the filters of the stations.
             acceptance: _,
             members,
             last_came_ns,
@@ -270,7 +270,12 @@ impl SnapshotFields for Stations {
         let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
         to.value(&guests);
         ends.save(to);
+        // The firmware of a port may have another next time since its last run, if it shares a state with another port of
+        // its device. The bus does not know this time yet.
+        let times = (0..ends.len()).map(|station| due.time(station));
+        let times: Vec<_> = times.map(|time| (time != NEVER).then_some(time)).collect();
         to.value(&(waiting, members, last_came_ns, troubled, recovering, has_changed, has_held));
+        to.value(&times);
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
@@ -293,8 +298,10 @@ impl SnapshotFields for Stations {
         from.check(self.recovering.iter().all(|(station, _)| is_there(*station)), "station that recovers")?;
         let members = self.ends.iter().filter(|end| end.member_since_ns.is_some()).count();
         from.check(self.members == members, "number of stations that take part")?;
-        for (station, end) in self.ends.iter().enumerate() {
-            self.due.set(station, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
+        let times: Vec<Option<u64>> = from.value()?;
+        from.check(times.len() == self.ends.len(), "number of times of stations")?;
+        for (station, time) in times.into_iter().enumerate() {
+            self.due.set(station, time.unwrap_or(NEVER));
         }
         Ok(())
     }

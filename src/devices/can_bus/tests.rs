@@ -10,6 +10,7 @@ use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
 use crate::snapshot_fields;
+use crate::snapshot_fields::{Saved, Saving, SnapshotFields};
 use embedded_can::StandardId;
 use std::sync::{Arc, Mutex};
 
@@ -385,6 +386,21 @@ fn the_transmit_queue_is_limited() {
     }
     assert_eq!((controller.send(frame(1, 1)), controller.to_send()), (Err(QueueFull), Controller::ROOM));
     assert_eq!(QueueFull.to_string(), "the transmit queue is full (64 frames)");
+}
+
+/// The firmware of a port may plan an event without a run of the port, because another port of its device has changed
+/// their shared state. A bus learns of the event at the next run of the port, with or without a snapshot in between.
+#[test]
+fn a_restored_bus_knows_only_the_events_that_the_saved_bus_knew() {
+    let mut saved = Saving::default();
+    Bench::new(125_000, vec![(vec![], vec![]), (vec![], vec![])]).bus.save(&mut saved);
+    let mut bench = Bench::new(125_000, vec![(vec![], vec![(500, frame(1, 1))]), (vec![], vec![])]);
+    assert_eq!(bench.bus.next_time(), 500);
+    bench.bus.restore(&mut Saved::new(saved.bytes())).unwrap();
+    bench.bus.plan(600);
+    assert_eq!(bench.bus.next_time(), u64::MAX);
+    bench.bus.processor_cycle(0, 700, &mut bench.journal);
+    assert_eq!(bench.bus.next_time(), 700);
 }
 
 #[test]

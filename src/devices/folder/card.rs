@@ -357,6 +357,10 @@ impl Card {
             }
         }
         changes.retain(|(register, ..)| is_live(register, self.phase(register.area)));
+        // Several structures of an area have the register that shows the phase.
+        changes.dedup_by(|(next, ..), (first, ..)| {
+            next.offset() == first.offset() && next.register.has_name_of(first.register)
+        });
         changes
     }
 
