@@ -121,33 +121,6 @@ impl Client {
         }
     }
 
-    /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
-    #[cfg(feature = "cli")]
-    pub(crate) fn set_patience(&mut self, reply: Duration) {
-        self.patience.reply = reply;
-    }
-
-    /// From now on, a request is withdrawn when `cancel` becomes true. The request then fails as if its time limit was
-    /// over, and the emulator ends it like a request of a killed client.
-    #[cfg(feature = "cli")]
-    pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
-        self.cancel = Some(cancel);
-    }
-
-    /// True if the emulator of this connection still runs. A client that only uses what it has read from the emulator
-    /// notices its end in no other way.
-    #[cfg(feature = "web")]
-    pub(crate) fn is_served(&self) -> bool {
-        self.is_emulator_alive()
-    }
-
-    /// True if another program has shortened a part of the channel. If the client then sends a request or
-    /// leaves the channel, it may read zeros.
-    #[cfg(feature = "web")]
-    pub(crate) fn is_shortened(&self) -> bool {
-        self.guest.domain().is_shortened()
-    }
-
     /// Sends the operations as one request and waits for the replies, one per operation in the same order.
     ///
     /// The reply of a failed operation is [`Reply::Error`]. The replies of the operations after it are
@@ -293,6 +266,37 @@ impl Client {
     }
 }
 
+/// The functions for the web server.
+#[cfg(feature = "web")]
+impl Client {
+    /// True if the emulator of this connection still runs. A client that only uses what it has read from the emulator
+    /// notices its end in no other way.
+    pub(crate) fn is_served(&self) -> bool {
+        self.is_emulator_alive()
+    }
+
+    /// True if another program has shortened a part of the channel. If the client then sends a request or
+    /// leaves the channel, it may read zeros.
+    pub(crate) fn is_shortened(&self) -> bool {
+        self.guest.domain().is_shortened()
+    }
+}
+
+/// The functions for commands.
+#[cfg(feature = "cli")]
+impl Client {
+    /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
+    pub(crate) fn set_patience(&mut self, reply: Duration) {
+        self.patience.reply = reply;
+    }
+
+    /// From now on, a request is withdrawn when `cancel` becomes true. The request then fails as if its time limit was
+    /// over, and the emulator ends it like a request of a killed client.
+    pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
+        self.cancel = Some(cancel);
+    }
+}
+
 /// Functions for single operations.
 impl Client {
     /// Reads a register.
@@ -411,7 +415,7 @@ fn check_limits(instance: &str) -> Result<(), ClientError> {
     limits::allow_files(FILES, FILES).map_err(|limits::FileLimit { needed, most }| {
         ClientError::OpenFiles { instance: name(), needed, most }
     })?;
-    limits::check_address_space(SPACE).map_err(|(needed, most)| ClientError::AddressSpace {
+    limits::space::check_address_space(SPACE).map_err(|(needed, most)| ClientError::AddressSpace {
         instance: name(),
         needed,
         most,

@@ -28,7 +28,7 @@ pub(crate) struct Args {}
 
 /// Serves the editor until it ends the connection.
 pub(crate) fn run(_: &Args) -> Result<(), CliError> {
-    limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })?;
+    limits::space::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })?;
     let (events, received) = mpsc::channel();
     let messages = events.clone();
     std::thread::Builder::new()

@@ -8,7 +8,7 @@ mod processes;
 
 use super::error::CliError;
 use super::{Instance, dump, output};
-use crate::devices::{self, demo::Demo};
+use crate::devices::{self, emulation::demo::Demo};
 use crate::plant::PlantConfig;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use processes::{Emulator, POLL, SoftPlc};

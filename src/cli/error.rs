@@ -2,7 +2,7 @@
 
 use super::exit::{self, Exit};
 use super::time;
-use crate::devices::demo::DemoError;
+use crate::devices::emulation::demo::DemoError;
 use crate::devices::folder::FolderError;
 use crate::export::ExportError;
 use crate::fault::FaultError;
@@ -344,7 +344,7 @@ errors! {
     )]
     LimitedMemory {
         /// Limit that the process has exceeded.
-        limit: limits::MemoryLimit,
+        limit: limits::space::MemoryLimit,
     } => Exit::NotThere,
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}{}", limits::named(.reason))]

@@ -200,7 +200,7 @@ mod by_channel {
     pub(super) fn add(args: &Add) -> Result<(), CliError> {
         let session = Session::open(&args.instance, 0)?;
         let names = names(&session)?;
-        let kinds = devices::fault_kinds_of(&names);
+        let kinds = devices::emulation::catalogue::fault_kinds_of(&names);
         let fault = read(args, &kinds)?.resolve(&kinds, &names)?;
         let id = session.ask(Op::FaultAdd { fault })?.fault_added()?;
         output::print(&format!("{id}\n"))

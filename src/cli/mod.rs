@@ -182,7 +182,8 @@ enum Command {
 /// Parses the command line, runs the command and returns the exit code of the process. A program with devices of its
 /// own calls [`devices::register`](crate::devices::register) before this function.
 pub fn main() -> ExitCode {
-    let allowed = limits::allow_stack().and_then(|()| limits::allow_memory(limits::OF_A_COMMAND));
+    let allowed = limits::of_command::allow_stack()
+        .and_then(|()| limits::space::allow_memory(limits::of_command::OF_A_COMMAND));
     match allowed {
         Ok(()) => answer_command_line(),
         Err(limit) => finish(Err(CliError::LimitedMemory { limit })),

@@ -1,6 +1,8 @@
 //! Each operation has a verb, a command and a method in Python. If one of them is missing, `docs/reference/channel.md`
 //! has the reason.
 
+mod arguments;
+
 use super::Cli;
 use crate::request::ops::ops;
 use crate::script::verbs;
@@ -51,18 +53,26 @@ fn check(operation: &str, cell: &str, is_known: impl Fn(&str) -> bool) {
     }
 }
 
-#[test]
-fn each_operation_has_a_verb_a_command_and_a_method_or_a_reason() {
-    let page = fs::read_to_string(root().join("docs/reference/channel.md")).unwrap();
+/// Returns the rows of the table: operation, verb, command, method.
+fn rows(page: &str) -> Vec<Vec<&str>> {
     let (_, table) = page.split_once(HEAD).expect("the head of the table");
     let (table, _) = table.split_once("\n\n").unwrap();
+    table.lines().map(|row| row.trim_matches(['|', ' ']).split(" | ").collect()).collect()
+}
+
+fn page() -> String {
+    fs::read_to_string(root().join("docs/reference/channel.md")).unwrap()
+}
+
+#[test]
+fn each_operation_has_a_verb_a_command_and_a_method_or_a_reason() {
+    let page = page();
     let [script, cli] = ["src/script", "src/cli"].map(|folder| sources(&root().join(folder)));
     let package = root().join("tools/python/python/commram");
     let python =
         ["_native.pyi", "_plant.py"].map(|file| fs::read_to_string(package.join(file)).unwrap()).concat();
     let (verbs, command) = (verbs(), Cli::command());
-    let mut rows: Vec<Vec<&str>> =
-        table.lines().map(|row| row.trim_matches(['|', ' ']).split(" | ").collect()).collect();
+    let mut rows = rows(&page);
     for (variant, name) in OPERATIONS {
         let at = rows.iter().position(|row| only_name(row[0]) == Some(*name));
         let row = rows.swap_remove(at.unwrap_or_else(|| panic!("the table has no row of `{name}`")));

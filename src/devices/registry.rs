@@ -1,12 +1,9 @@
 //! Registry of devices. It has the devices of commram, and the devices that a program adds before the first
 //! lookup.
 
-#[cfg(feature = "emulator")]
-mod emulation;
-
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
-use super::{catalogue, folder};
+use super::{emulation::Emulation, emulation::catalogue, folder};
 use crate::layout::DeviceLayout as Layout;
 #[cfg(feature = "emulator")]
 use crate::memory::InstanceLock;
@@ -14,9 +11,6 @@ use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
 use crate::plc::{BlockKind, StPart};
 use std::sync::{Mutex, OnceLock, PoisonError};
-
-#[cfg(feature = "emulator")]
-pub use emulation::{Emulation, OptionInterface};
 
 /// A device that is registered with commram.
 #[derive(Clone, Copy, Debug)]

@@ -3,13 +3,12 @@
 //! In a directory that others can write to, any file may be replaced by a link or a pipe. So files are opened without
 //! following links and without waiting, and new files get an unused name.
 
+#[cfg(feature = "emulator")]
+pub(crate) mod writing;
+
 use rustix::fs::{self, AtFlags, Mode, OFlags, Stat};
 use rustix::io::Errno;
 use std::fs::File;
-#[cfg(feature = "emulator")]
-use std::io;
-#[cfg(feature = "emulator")]
-use std::io::Write;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
@@ -22,12 +21,6 @@ const CAREFULLY: OFlags =
 pub(crate) struct Directory(File);
 
 impl Directory {
-    /// Opens the directory that `path` leads to.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn open(path: &Path) -> Result<Self, Errno> {
-        Self::open_with(path, OFlags::empty())
-    }
-
     /// Opens the directory at `path`; refuses a link.
     pub(crate) fn open_itself(path: &Path) -> Result<Self, Errno> {
         Self::open_with(path, OFlags::NOFOLLOW)
@@ -48,18 +41,6 @@ impl Directory {
         fs::fchmod(&self.0, Mode::RWXU)
     }
 
-    /// Takes the directory's lock; `false` if another process has it.
-    #[cfg(feature = "channel")]
-    pub(crate) fn try_lock(&self) -> io::Result<bool> {
-        try_lock(&self.0)
-    }
-
-    /// Releases the lock of the directory.
-    #[cfg(feature = "channel")]
-    pub(crate) fn unlock(&self) -> io::Result<()> {
-        self.0.unlock()
-    }
-
     /// Opens the file `name` for reading.
     pub(crate) fn read(&self, name: &str) -> Result<File, Errno> {
         Ok(fs::openat(&self.0, name, OFlags::RDONLY | CAREFULLY, Mode::empty())?.into())
@@ -69,37 +50,6 @@ impl Directory {
     pub(crate) fn read_write(&self, name: &str) -> Result<File, Errno> {
         let flags = OFlags::RDWR | OFlags::CREATE | CAREFULLY;
         Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
-    }
-
-    /// Writes a new file, accessible to this user only, and passes it to `then`, which gives it the final name. If the
-    /// writing or `then` fails, removes the file. A reader of the final name sees the old content or the complete new
-    /// one.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn with_new(
-        &self,
-        new: &str,
-        content: &[u8],
-        then: impl FnOnce(&File) -> io::Result<()>,
-    ) -> io::Result<()> {
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | CAREFULLY;
-        let mut file = File::from(fs::openat(&self.0, new, flags, Mode::RUSR | Mode::WUSR)?);
-        file.write_all(content).and_then(|()| then(&file)).inspect_err(|_| {
-            let _ = self.remove(new);
-        })
-    }
-
-    /// Renames the file `from` to `to`; replaces an existing file.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn rename(&self, from: &str, to: &str) -> Result<(), Errno> {
-        fs::renameat(&self.0, from, &self.0, to)
-    }
-
-    /// Renames the file `from` to `to`, unless `to` exists.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
-        // `rename` would replace an existing file.
-        fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
-        self.remove(from)
     }
 
     /// Returns a path to the directory for this process, valid even if the directory was renamed.
@@ -112,25 +62,9 @@ impl Directory {
         fs::unlinkat(&self.0, name, AtFlags::empty())
     }
 
-    /// Writes the directory entries to the disk.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn sync(&self) -> Result<(), Errno> {
-        fs::fsync(&self.0)
-    }
-
     /// Returns the status of the entry `name`, of any type.
     pub(crate) fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
         fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
-    }
-}
-
-/// Takes the lock of a file or directory; `false` if another process has it.
-#[cfg(feature = "emulator")]
-pub(crate) fn try_lock(file: &File) -> io::Result<bool> {
-    match file.try_lock() {
-        Ok(()) => Ok(true),
-        Err(std::fs::TryLockError::WouldBlock) => Ok(false),
-        Err(std::fs::TryLockError::Error(error)) => Err(error),
     }
 }
 

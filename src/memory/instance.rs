@@ -4,25 +4,20 @@
 //! clients detect a running emulator. These locks are not enough, because an emulator with other PLCs has images of
 //! other names.
 
+#[cfg(feature = "emulator")]
+mod device_folders;
+
 use super::private::PrivateDir;
 use super::process::ProcessId;
 use super::{EmulatorProcess, Image, MemoryError, list, names};
 use std::fs::{File, TryLockError};
 use std::io;
-#[cfg(feature = "emulator")]
-use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The file in the instance's directory; holds process id and start time of the process that has the lock.
 pub(super) const LOCK: &str = "lock";
-/// The file in the instance's directory with the folders of the plant's devices, one path in each line.
-#[cfg(feature = "emulator")]
-const FOLDERS: &str = "devices";
-/// Longest list of folders that is read, in bytes.
-#[cfg(feature = "emulator")]
-const LONGEST_FOLDERS: u64 = 1 << 20;
 /// Word in a lock file, after the process: this process only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
 /// Longest wait for a lock. Its holder may be an emulator that ends, or a client that checks the lock.
@@ -113,58 +108,6 @@ impl InstanceLock {
         }
     }
 
-    /// Publishes the folders of the plant's devices, and a line for each controller with option cards, so that clients can
-    /// read the names of their registers. Paths are absolute, and text without line ends. Call it before the images exist:
-    /// clients read the list when they attach.
-    ///
-    /// # Errors
-    /// The operating system refuses the operation.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn publish_device_folders<'p>(
-        &self,
-        folders: impl IntoIterator<Item = &'p Path>,
-        controllers: impl IntoIterator<Item = String>,
-    ) -> Result<(), MemoryError> {
-        let folders = folders.into_iter().map(|path| format!("{}\n", path.display()));
-        let controllers = controllers.into_iter().map(|line| format!("{line}\n"));
-        let lines: Vec<_> = folders.chain(controllers).collect();
-        // An emulator that was killed may have left its list.
-        self.directory.remove(FOLDERS);
-        if lines.is_empty() {
-            return Ok(());
-        }
-        let path = names::channel_root(&self.instance)?.join(FOLDERS);
-        let written = self.directory.open_file(FOLDERS).and_then(|file| match file {
-            Some(file) => file.write_all_at(lines.concat().as_bytes(), 0),
-            None => Err(io::ErrorKind::NotFound.into()),
-        });
-        written.map_err(|reason| MemoryError::System { path, doing: "write", reason })
-    }
-
-    /// Returns the folders of a running instance's devices; empty if it has none.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn device_folders(instance: &str) -> Vec<std::path::PathBuf> {
-        Self::published(instance, |line| line.starts_with('/')).into_iter().map(Into::into).collect()
-    }
-
-    /// Returns the lines of a running instance's controllers with option cards.
-    #[cfg(feature = "emulator")]
-    pub(crate) fn controllers(instance: &str) -> Vec<String> {
-        Self::published(instance, |line| !line.starts_with('/'))
-    }
-
-    #[cfg(feature = "emulator")]
-    fn published(instance: &str, is_wanted: impl Fn(&&str) -> bool) -> Vec<String> {
-        let read = || {
-            let directory = PrivateDir::open(&names::channel_root(instance).ok()?).ok()??;
-            let mut text = String::new();
-            let mut file = directory.find_file(FOLDERS).ok()??.take(LONGEST_FOLDERS);
-            file.read_to_string(&mut text).ok().map(|_| text)
-        };
-        let text = read().unwrap_or_default();
-        text.lines().filter(is_wanted).map(str::to_owned).collect()
-    }
-
     /// Removes everything in the instance's directory except the lock, also entries that no emulator has created.
     /// Returns the entries that cannot be removed.
     ///
@@ -198,7 +141,7 @@ impl InstanceLock {
 impl Drop for InstanceLock {
     fn drop(&mut self) {
         #[cfg(feature = "emulator")]
-        self.directory.remove(FOLDERS);
+        self.remove_device_folders();
         // The process releases the lock later, when it closes the file.
         self.directory.remove(LOCK);
         self.directory.remove_if_empty();

@@ -1,5 +1,10 @@
 //! Limits of a process (`ulimit`): checks whether they suffice, and texts that name the limit that caused an error.
 
+#[cfg(feature = "cli")]
+pub(crate) mod of_command;
+#[cfg(feature = "emulator")]
+pub(crate) mod space;
+
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::os::fd::AsRawFd;
@@ -10,9 +15,6 @@ use std::{fs, io};
 const NOTHING: &str = "/dev/null";
 /// Directory in which the system lists the open files of this process.
 const OPEN_FILES: &str = "/proc/self/fd";
-/// Kernel file with the sizes of this process's memory.
-#[cfg(feature = "emulator")]
-const STATUS: &str = "/proc/self/status";
 
 /// Returns the text about the limit that explains a system error, to append to a message; empty if no limit explains
 /// it.
@@ -80,74 +82,6 @@ fn full_control_group(root: &Path, groups: &str) -> Option<(PathBuf, u64)> {
     })
 }
 
-/// Stack that the main thread needs, in bytes.
-#[cfg(feature = "cli")]
-const STACK: u64 = 1 << 20;
-
-/// Makes sure that the main thread can have the stack that it needs; raises its soft limit if necessary.
-///
-/// # Errors
-/// The limit that is too low.
-#[cfg(feature = "cli")]
-pub(crate) fn allow_stack() -> Result<(), MemoryLimit> {
-    let Rlimit { current, maximum } = getrlimit(Resource::Stack);
-    let Some(most) = current.filter(|current| *current < STACK) else { return Ok(()) };
-    let can_be_raised = maximum.is_none_or(|maximum| maximum >= STACK);
-    if can_be_raised && setrlimit(Resource::Stack, Rlimit { current: Some(STACK), maximum }).is_ok() {
-        return Ok(());
-    }
-    Err(MemoryLimit { what: "stack", option: "-s", needed: STACK, most })
-}
-
-/// Data and address space that a command needs after its start, in bytes: stacks of threads, the heap, and the report
-/// of a panic. If there is no memory, that report never ends.
-#[cfg(feature = "cli")]
-pub(crate) const OF_A_COMMAND: u64 = 16 << 20;
-
-/// A limit of the memory of this process that is too low.
-#[cfg(feature = "emulator")]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct MemoryLimit {
-    /// Name of the limited memory, for example `data`.
-    pub(crate) what: &'static str,
-    /// Option of `ulimit`, for example `-d`.
-    pub(crate) option: &'static str,
-    /// Number of bytes that the process needs.
-    pub(crate) needed: u64,
-    /// Number of bytes that the process may have.
-    pub(crate) most: u64,
-}
-
-/// Makes sure that this process can have `more` bytes of data and address space in addition to the present ones; raises
-/// its soft limits if necessary.
-///
-/// # Errors
-/// The limit that is too low, with a number of bytes that is also enough for the next start.
-#[cfg(feature = "emulator")]
-pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
-    let memories =
-        [(Resource::Data, "VmData:", "data", "-d"), (Resource::As, "VmSize:", "address space", "-v")];
-    for (resource, line, what, option) in memories {
-        let Rlimit { current, maximum } = getrlimit(resource);
-        let needed = used(line).saturating_add(more);
-        let Some(most) = current.filter(|current| *current < needed) else { continue };
-        let can_be_raised = maximum.is_none_or(|maximum| maximum >= needed);
-        if !can_be_raised || setrlimit(resource, Rlimit { current: maximum, maximum }).is_err() {
-            return Err(MemoryLimit { what, option, needed: needed.saturating_add(SPREAD), most });
-        }
-    }
-    Ok(())
-}
-
-/// Returns the number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
-#[cfg(feature = "emulator")]
-fn used(name: &str) -> u64 {
-    let status = fs::read_to_string(STATUS).unwrap_or_default();
-    let size = status.lines().find_map(|line| line.strip_prefix(name));
-    let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
-    kib.unwrap_or(0_u64).saturating_mul(1024)
-}
-
 /// Returns a text like [`named`], for an error that a limit of file sizes may have caused. It is empty if there is no
 /// such limit.
 pub(crate) fn describe_file_limit() -> String {
@@ -190,23 +124,6 @@ pub(crate) struct FileLimit {
     pub(crate) needed: u64,
     /// Number of open files that the process may have.
     pub(crate) most: u64,
-}
-
-/// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
-/// threads grow in steps of 132 KiB. Whether one more step is needed depends on random addresses and on the order of
-/// threads.
-#[cfg(feature = "emulator")]
-const SPREAD: u64 = 512 << 10;
-
-/// Checks that this process can have `more` bytes of address space in addition to the present ones.
-///
-/// # Errors
-/// A number of bytes that is also enough for the next start, and the allowed number.
-#[cfg(feature = "channel")]
-pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
-    let Some(most) = address_space() else { return Ok(()) };
-    let needed = used("VmSize:").saturating_add(more);
-    if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 
 fn address_space() -> Option<u64> {

@@ -4,19 +4,17 @@
 //! is therefore opened without following links and checked through its descriptor. Its contents are accessed only
 //! through that descriptor, so other users cannot reach them.
 
+#[cfg(feature = "channel")]
+pub(crate) mod for_channel;
+
 use super::MemoryError;
 use super::directory::Directory;
 use rustix::fs::{FileType, Mode, Stat};
 use rustix::io::Errno;
 use std::fs::File;
 use std::io;
-#[cfg(feature = "channel")]
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Size limit for reading a file of such a directory: the files have one or two lines.
-#[cfg(feature = "channel")]
-const MAX_TEXT: u64 = 4096;
 /// Rights of other users in a mode.
 const OTHERS: u32 = 0o077;
 /// Write rights of other users in a mode.
@@ -87,22 +85,9 @@ impl PrivateDir {
         }))
     }
 
-    /// Returns the path by which the directory was opened.
-    #[cfg(feature = "channel")]
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// True if the path still names this directory.
     pub(crate) fn is_named(&self) -> bool {
         is_same(rustix::fs::lstat(&self.path), self.directory.stat())
-    }
-
-    /// Takes the directory's lock if it is free, for the lifetime of the result.
-    #[cfg(feature = "channel")]
-    pub(crate) fn try_lock(self: &std::sync::Arc<Self>) -> Option<DirectoryLock> {
-        let is_ours = self.directory.try_lock().is_ok_and(|is_ours| is_ours);
-        is_ours.then(|| DirectoryLock(std::sync::Arc::clone(self)))
     }
 
     /// Opens or creates the file `name` in the directory, for reading and writing. `None` if the directory itself has
@@ -142,24 +127,6 @@ impl PrivateDir {
         is_same(self.directory.stat_of(name), rustix::fs::fstat(file))
     }
 
-    /// Returns the text of the file `name`; `None` if there is no such file.
-    #[cfg(feature = "channel")]
-    pub(crate) fn read(&self, name: &str) -> Option<String> {
-        let mut text = String::new();
-        self.find_file(name).ok()??.take(MAX_TEXT).read_to_string(&mut text).ok()?;
-        Some(text)
-    }
-
-    /// Replaces the file `name` as a whole: a reader sees the old text or the new one. Only one process may call this
-    /// at a time.
-    #[cfg(feature = "channel")]
-    pub(crate) fn publish(&self, name: &str, text: &str) -> io::Result<()> {
-        let new = format!("{name}.new");
-        self.remove(&new);
-        self.remove_unless_file(name);
-        self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
-    }
-
     /// Removes the entry `name`, if it exists. A directory is removed with all its contents. Follows no link.
     pub(crate) fn remove(&self, name: &str) {
         if self.directory.remove(name) == Err(Errno::ISDIR) {
@@ -194,18 +161,6 @@ impl PrivateDir {
         if self.is_named() {
             let _ = rustix::fs::rmdir(&self.path);
         }
-    }
-}
-
-/// Lock of a directory; dropping the value releases the lock.
-#[cfg(feature = "channel")]
-#[derive(Debug)]
-pub(crate) struct DirectoryLock(std::sync::Arc<PrivateDir>);
-
-#[cfg(feature = "channel")]
-impl Drop for DirectoryLock {
-    fn drop(&mut self) {
-        let _ = self.0.directory.unlock();
     }
 }
 
@@ -247,7 +202,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 
-    fn place() -> (tempfile::TempDir, PathBuf) {
+    pub(super) fn place() -> (tempfile::TempDir, PathBuf) {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("own.d");
         (parent, path)
@@ -279,34 +234,6 @@ mod tests {
         std::fs::set_permissions(&path, PermissionsExt::from_mode(0o1777)).unwrap();
         let refused = PrivateDir::create(&path).unwrap_err().to_string();
         assert!(refused.contains("mode 1777") && refused.contains("remove it yourself"), "{refused}");
-    }
-
-    #[cfg(feature = "channel")]
-    #[test]
-    fn publishing_replaces_a_link_and_does_not_follow_it() {
-        let (parent, path) = place();
-        let victim = parent.path().join("victim");
-        std::fs::write(&victim, "precious").unwrap();
-        let directory = PrivateDir::create(&path).unwrap();
-        for name in ["ready", "ready.new"] {
-            symlink(&victim, path.join(name)).unwrap();
-            assert_eq!(directory.read(name), None, "{name}");
-            directory.publish("ready", "42\n").unwrap();
-            assert_eq!(directory.read("ready").unwrap(), "42\n");
-            assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
-        }
-        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1);
-        assert_eq!(std::fs::metadata(path.join("ready")).unwrap().mode() & 0o7777, 0o600);
-    }
-
-    #[cfg(feature = "channel")]
-    #[test]
-    fn a_pipe_is_not_waited_for() {
-        let (_parent, path) = place();
-        let directory = PrivateDir::create(&path).unwrap();
-        let mode = Mode::RUSR | Mode::WUSR;
-        rustix::fs::mknodat(rustix::fs::CWD, path.join("ready"), FileType::Fifo, mode, 0).unwrap();
-        assert!(directory.read("ready").is_none_or(|text| text.is_empty()));
     }
 
     #[test]
@@ -346,16 +273,5 @@ mod tests {
         directory.remove_if_empty();
         assert!(path.exists() && !directory.is_named());
         assert!(directory.open_file("lock").unwrap().is_none());
-    }
-
-    #[cfg(feature = "channel")]
-    #[test]
-    fn one_at_a_time_holds_it() {
-        let (_parent, path) = place();
-        let [one, two] = [(); 2].map(|()| std::sync::Arc::new(PrivateDir::create(&path).unwrap()));
-        let held = one.try_lock().unwrap();
-        assert!(two.try_lock().is_none());
-        drop(held);
-        assert!(two.try_lock().is_some());
     }
 }

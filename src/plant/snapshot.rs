@@ -220,28 +220,6 @@ impl Plant {
         self.arrive();
     }
 
-    /// Returns a fingerprint of this plant at this moment for [`Plant::is_like`]: the parts of the plant, and
-    /// a number for its state.
-    #[cfg(feature = "channel")]
-    pub(crate) fn likeness(&self) -> Vec<u8> {
-        let snapshot = self.snapshot();
-        let state = twox_hash::XxHash3_64::oneshot(&snapshot.state).to_le_bytes().to_vec();
-        let mut to = Saving::default();
-        Snapshot { state, ..snapshot }.save(&mut to);
-        to.into_bytes()
-    }
-
-    /// Compares two results of [`Plant::likeness`]: `ours` of this plant and `theirs` of another plant. They are equal
-    /// if both plants have the same parts and had the same state.
-    ///
-    /// # Errors
-    /// The difference between the plants.
-    #[cfg(feature = "channel")]
-    pub(crate) fn is_like(&self, ours: &[u8], theirs: &[u8]) -> Result<(), SnapshotError> {
-        self.fits(&Snapshot::of_saved(&mut Saved::new(theirs))?)?;
-        if ours == theirs { Ok(()) } else { Err(SnapshotError::OtherState) }
-    }
-
     fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
         self.fits(snapshot)?;
         let mut before = Saving::default();
@@ -382,6 +360,30 @@ impl Plant {
         }
         self.watches.restore(from)?;
         from.check(self.next_event() >= self.now, "time of the next event")
+    }
+}
+
+/// The comparison with the plants of other hosts.
+#[cfg(feature = "channel")]
+impl Plant {
+    /// Returns a fingerprint of this plant at this moment for [`Plant::is_like`]: the parts of the plant, and
+    /// a number for its state.
+    pub(crate) fn likeness(&self) -> Vec<u8> {
+        let snapshot = self.snapshot();
+        let state = twox_hash::XxHash3_64::oneshot(&snapshot.state).to_le_bytes().to_vec();
+        let mut to = Saving::default();
+        Snapshot { state, ..snapshot }.save(&mut to);
+        to.into_bytes()
+    }
+
+    /// Compares two results of [`Plant::likeness`]: `ours` of this plant and `theirs` of another plant. They are equal
+    /// if both plants have the same parts and had the same state.
+    ///
+    /// # Errors
+    /// The difference between the plants.
+    pub(crate) fn is_like(&self, ours: &[u8], theirs: &[u8]) -> Result<(), SnapshotError> {
+        self.fits(&Snapshot::of_saved(&mut Saved::new(theirs))?)?;
+        if ours == theirs { Ok(()) } else { Err(SnapshotError::OtherState) }
     }
 }
 

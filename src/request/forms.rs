@@ -149,7 +149,7 @@ impl FaultForm {
             kind.name() == self.kind && device == self.device.as_deref() && is_meant
         };
         // Without the number of the declaration, the kind that was declared last belongs to the present version.
-        let kinds = devices::known_fault_kinds();
+        let kinds = devices::emulation::catalogue::known_fault_kinds();
         let kind = kinds.iter().rev().find(is_it)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
         for (value, field) in draft.values.iter_mut().zip(kind.fields()) {

@@ -90,28 +90,6 @@ impl Travel {
         self.is_touched = true;
     }
 
-    /// True if a client of a channel keeps snapshots or is sending a file.
-    #[cfg(feature = "channel")]
-    pub(crate) fn belongs_to_clients(&self) -> bool {
-        self.saved.any_of_clients() || !self.coming.is_empty()
-    }
-
-    /// True if another snapshot of a client may have no place.
-    #[cfg(feature = "channel")]
-    pub(crate) fn is_nearly_full(&self) -> bool {
-        self.saved.is_nearly_full()
-    }
-
-    /// Deletes the snapshots and files of clients for which `is_present` is false. Client 0, the emulator's own
-    /// process, is always present.
-    #[cfg(feature = "channel")]
-    pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
-        let is_present = |client| client == 0 || is_present(client);
-        self.saved.release(is_present);
-        self.coming.release(is_present);
-        self.drop_unread();
-    }
-
     /// Drops the file of a snapshot that is no longer kept, if a client has read only a part of it.
     fn drop_unread(&mut self) {
         if !self.saved.contains(self.leaving.0) {
@@ -234,6 +212,29 @@ impl Travel {
     /// Returns the stretch that contains this moment, if it is kept.
     fn stretch_of(&self, time_us: u64) -> Option<usize> {
         self.history.partition_point(|it| it.begin.time_us() <= time_us).checked_sub(1)
+    }
+}
+
+/// The functions for a channel, whose clients may leave.
+#[cfg(feature = "channel")]
+impl Travel {
+    /// True if a client of a channel keeps snapshots or is sending a file.
+    pub(crate) fn belongs_to_clients(&self) -> bool {
+        self.saved.any_of_clients() || !self.coming.is_empty()
+    }
+
+    /// True if another snapshot of a client may have no place.
+    pub(crate) fn is_nearly_full(&self) -> bool {
+        self.saved.is_nearly_full()
+    }
+
+    /// Deletes the snapshots and files of clients for which `is_present` is false. Client 0, the emulator's own
+    /// process, is always present.
+    pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
+        let is_present = |client| client == 0 || is_present(client);
+        self.saved.release(is_present);
+        self.coming.release(is_present);
+        self.drop_unread();
     }
 }
 

@@ -3,7 +3,8 @@
 
 use super::RuntimeError;
 use crate::door::RESERVED_DESCRIPTORS;
-use crate::memory::limits::{FileLimit, MemoryLimit, allow_files, allow_memory};
+use crate::memory::limits::space::{MemoryLimit, allow_memory};
+use crate::memory::limits::{FileLimit, allow_files};
 
 /// Open files for each PLC: its image, its NOVRAM, and three files of its event service.
 const PER_PLC: u64 = 5;

@@ -240,7 +240,7 @@ fn checker_finds_nothing(emulator: &Emulator, plc: &str) {
 #[test]
 fn the_access_checker_finds_nothing() {
     checker_finds_nothing(&Emulator::start(&[]), "line");
-    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/src/devices/bm4_o_can_06/demo.toml");
+    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/src/devices/bm4_o_can_06/emulation/demo.toml");
     checker_finds_nothing(&Emulator::start(&[plant]), "maxx");
 }
 

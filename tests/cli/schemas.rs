@@ -44,7 +44,8 @@ fn the_schema_accepts_every_plant_of_the_repository_and_refuses_invalid_ones() {
     let mut plants: Vec<PathBuf> = single.map(|path| root().join(path)).to_vec();
     plants.extend(in_directory("tools/plants"));
     let devices = root().join("src/devices").read_dir().unwrap().map(|entry| entry.unwrap().path());
-    let files = devices.flat_map(|device| ["plant.toml", "demo.toml"].map(|name| device.join(name)));
+    let files = devices
+        .flat_map(|device| ["plant.toml", "demo.toml"].map(|name| device.join("emulation").join(name)));
     plants.extend(files.filter(|path| path.exists()));
     let page = std::fs::read_to_string(root().join("docs/reference/plant.md")).unwrap();
     for (number, block) in page.split("```toml\n").skip(1).enumerate() {

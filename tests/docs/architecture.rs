@@ -134,10 +134,10 @@ fn generic_modules_name_no_device() {
         let name = path.file_name().unwrap().to_str().unwrap().to_owned();
         name.split('_').next().unwrap().to_owned()
     };
-    // A word that is also the name of a generic module is not a device name; the traits, and devices that are read from
-    // folders, are no device.
+    // A word that is also the name of a generic module is not a device name; the common emulation, and devices that are
+    // read from folders, are no device.
     let devices = folders.map(first_word).filter(|word| !src.join(word).exists());
-    let devices = devices.filter(|word| !["traits", "folder"].contains(&word.as_str()));
+    let devices = devices.filter(|word| !["emulation", "folder"].contains(&word.as_str()));
     let devices: BTreeSet<_> = devices.collect();
     assert!(devices.contains("omega"), "{devices:?}");
     let mut files = Vec::new();

@@ -14,7 +14,7 @@ pub(crate) struct Played {
     pub contains: &'static [&'static str],
 }
 
-const CANSYNC: &str = include_str!("../../src/devices/cansync/exercise.rhai");
+const CANSYNC: &str = include_str!("../../src/devices/cansync/emulation/exercise.rhai");
 const CANSYNC_MOVES: &str = "exchange(true, 0, -5000, 3); exchange(true, 2, 70000, 3); parameter(true, 1, 500); \
      no_parameter(true, 2); control_words(true, 1); quiet(true, 20000); restart(true);";
 const CANSYNC_MESSAGES: &[&str] =
@@ -22,7 +22,7 @@ const CANSYNC_MESSAGES: &[&str] =
 
 pub(crate) const PLAYED: [Played; 5] = [
     Played {
-        plant: include_str!("../../src/devices/omega_drive_line_2/exercise_cansync.toml"),
+        plant: include_str!("../../src/devices/omega_drive_line_2/emulation/exercise_cansync.toml"),
         names: &[
             ("KBIT_S", "500"),
             ("RATE", "[0x00, 0x1C, 2]"),
@@ -37,7 +37,7 @@ pub(crate) const PLAYED: [Played; 5] = [
         contains: CANSYNC_MESSAGES,
     },
     Played {
-        plant: include_str!("../../src/devices/bm4_o_can_06/exercise.toml"),
+        plant: include_str!("../../src/devices/bm4_o_can_06/emulation/exercise.toml"),
         names: &[
             ("KBIT_S", "500"),
             ("CARD", "1"),
@@ -53,26 +53,26 @@ pub(crate) const PLAYED: [Played; 5] = [
         contains: CANSYNC_MESSAGES,
     },
     Played {
-        plant: include_str!("../../src/devices/cs0015/exercise_slave.toml"),
+        plant: include_str!("../../src/devices/cs0015/emulation/exercise_slave.toml"),
         names: &[("KBIT_S", "125")],
-        script: include_str!("../../src/devices/cs0015/exercise_slave.rhai"),
+        script: include_str!("../../src/devices/cs0015/emulation/exercise_slave.rhai"),
         moves: "entry(true, 0); no_entry(true, 0x5000); pdos(true, 1, 0xFFFF); guarding(true, 3); \
                 pre_operational(true); quiet(true, 1000); power(true);",
         bus: "open",
         contains: &["NMT", "panel_SDO_REQUEST", "panel_SDO_ANSWER", "panel_STATE"],
     },
     Played {
-        plant: include_str!("../../src/devices/cs0015/exercise_master.toml"),
+        plant: include_str!("../../src/devices/cs0015/emulation/exercise_master.toml"),
         names: &[("KBIT_S", "125")],
-        script: include_str!("../../src/devices/cs0015/exercise_master.rhai"),
+        script: include_str!("../../src/devices/cs0015/emulation/exercise_master.rhai"),
         moves: "quiet(true, 1000); module_without_supply(true, 500000);",
         bus: "open",
         contains: &["NMT", "inputs_STATE"],
     },
     Played {
-        plant: include_str!("../../src/devices/can_dp2/exercise.toml"),
+        plant: include_str!("../../src/devices/can_dp2/emulation/exercise.toml"),
         names: &[("CAN", "1000"), ("DP", "1500"), ("RATE", "0")],
-        script: include_str!("../../src/devices/can_dp2/exercise.rhai"),
+        script: include_str!("../../src/devices/can_dp2/emulation/exercise.rhai"),
         moves: "exchange(true, 5, 7); diagnosis(true); restart(true); quiet(true, 1000);",
         bus: "dp",
         contains: &[],

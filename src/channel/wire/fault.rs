@@ -41,7 +41,7 @@ fn kind_of(number: u8, packed: [u8; BYTES]) -> Option<&'static FaultKind> {
     let is_it = |kind: &&FaultKind| {
         kind.number() == number && kind.declaration().is_some_and(|declaration| declaration.id == id)
     };
-    devices::declared_fault_kinds().into_iter().find(is_it)
+    devices::emulation::catalogue::declared_fault_kinds().into_iter().find(is_it)
 }
 
 /// Inverse of [`packed`].

@@ -64,7 +64,8 @@ impl Buses {
 
     /// True if a bus carries messages of the same kind as `message`.
     fn carries(&self, bus: usize, message: &Message) -> bool {
-        let traffic_kind = self.states.get(bus).and_then(|state| devices::traffic_kind_of(&state.kind));
+        let traffic_kind =
+            self.states.get(bus).and_then(|state| devices::emulation::traffic_kind_of(&state.kind));
         let carries_octets = matches!(traffic_kind, Some(TrafficKind::Telegrams | TrafficKind::Octets));
         carries_octets == matches!(message, Message::Telegram(_))
     }

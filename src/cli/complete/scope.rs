@@ -153,7 +153,7 @@ impl PlcScope {
         buses: impl Fn() -> Vec<String>,
     ) -> Vec<(String, String)> {
         let named = |word: &String| {
-            let mut kinds = devices::known_fault_kinds().into_iter();
+            let mut kinds = devices::emulation::catalogue::known_fault_kinds().into_iter();
             kinds.rfind(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
         };
         let Some(kind) = words.iter().find_map(named) else { return Vec::new() };

@@ -198,7 +198,7 @@ fn fault(scene: &Scene, text: &str, content: Range<usize>, offset: usize) -> (Ve
     let end = whole[at..].find(char::is_whitespace).map_or(whole.len(), |blank| at + blank);
     let range = content.start + start..content.start + end;
     if whole[..start].trim().is_empty() {
-        let kinds = devices::fault_kinds_of(scene.bench.names()).into_iter();
+        let kinds = devices::emulation::catalogue::fault_kinds_of(scene.bench.names()).into_iter();
         let kinds = kinds.map(|kind| Proposal::new(kind.name(), kind.about(), CompletionItemKind::EVENT));
         return (kinds.collect(), range);
     }

@@ -61,7 +61,9 @@ fn fault(text: &str, at: usize) -> Option<(String, Range<usize>)> {
     let range = start..start + word.len();
     let kind_name = text.split_whitespace().next()?.replace('-', "_");
     // The present version of a device folder is the last one that this process has read.
-    let kind = devices::known_fault_kinds().into_iter().rfind(|kind| kind.name() == kind_name)?;
+    let kind = devices::emulation::catalogue::known_fault_kinds()
+        .into_iter()
+        .rfind(|kind| kind.name() == kind_name)?;
     if start <= text.len() - text.trim_start().len() {
         return Some((kind.about().to_owned(), range));
     }

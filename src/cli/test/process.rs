@@ -45,7 +45,7 @@ pub(crate) struct RunOptions {
 /// # Errors
 /// The limit is too low.
 pub(crate) fn allow_memory() -> Result<(), CliError> {
-    limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
+    limits::space::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
 }
 
 /// Runs a scenario in a separate process. Ends it early when `stop` returns true. Passes its sections and its output to

@@ -55,7 +55,7 @@ pub(crate) fn print(
 /// Returns the names of the buses and the kinds of their links.
 fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
-        let link = match devices::traffic_kind_of(&bus.kind) {
+        let link = match devices::emulation::traffic_kind_of(&bus.kind) {
             Some(TrafficKind::Telegrams) => Link::Profibus,
             Some(TrafficKind::Octets) => Link::Serial,
             Some(TrafficKind::Frames) | None => Link::Can,

@@ -200,7 +200,7 @@ fn rules(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
 }
 
 fn fault_kinds(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
-    let kinds = devices::fault_kinds_of(&connection.names);
+    let kinds = devices::emulation::catalogue::fault_kinds_of(&connection.names);
     named("kinds", kinds.into_iter().map(kind_of_fault).collect::<Vec<_>>())
 }
 

@@ -12,8 +12,8 @@ use super::station::Station;
 use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
-use crate::devices::can_faults;
-use crate::devices::traffic_receivers::TrafficReceivers;
+use crate::devices::emulation::can_faults;
+use crate::devices::emulation::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal, World,
 };

@@ -2,8 +2,8 @@
 
 use super::{CanBus, FAMILY};
 use crate::can::BitRate;
-use crate::devices::settings::keys::plant_keys;
-use crate::devices::settings::refused_at;
+use crate::devices::emulation::settings::keys::plant_keys;
+use crate::devices::emulation::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
 use crate::identity::BusIndex;

@@ -3,7 +3,7 @@
 use super::CanBus;
 use crate::can::{Event, Fate, Frame, OnWire};
 use crate::devices::World;
-use crate::devices::can_faults::{Effect, FrameEffect};
+use crate::devices::emulation::can_faults::{Effect, FrameEffect};
 use crate::fault::{Hit, Owner, Target};
 use crate::journal::Origin;
 

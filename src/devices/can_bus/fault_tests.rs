@@ -2,7 +2,9 @@
 
 use super::tests::{Bench, frame};
 use crate::can::{BitRate, Fate, Frame, wire};
-use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
+use crate::devices::emulation::can_faults::{
+    self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN,
+};
 use crate::devices::{Bus, Faulty};
 use crate::fault::{Draft, Effect, Fault, FaultKind, Hit, Owner, Target};
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};

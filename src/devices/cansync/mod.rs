@@ -1,31 +1,15 @@
-//! Parts that all CANsync devices share: frames and their times, the firmware of the nodes, drives with a CANsync card,
-//! function blocks.
+//! Parts that all CANsync devices share: registers, function blocks, emulation.
 
 #[cfg(feature = "plc")]
 pub(crate) mod blocks;
 #[cfg(feature = "emulator")]
-pub mod bus;
-#[cfg(feature = "emulator")]
-pub(crate) mod demo;
-#[cfg(feature = "emulator")]
-pub mod drive;
-#[cfg(feature = "emulator")]
-pub(in crate::devices) mod exercise;
-#[cfg(feature = "emulator")]
-pub(crate) mod faults;
-#[cfg(feature = "emulator")]
-pub mod firmware;
-#[cfg(feature = "emulator")]
-pub mod frames;
-#[cfg(feature = "emulator")]
-mod messages;
+mod emulation;
 mod rate;
+
 #[cfg(feature = "emulator")]
-pub mod records;
+pub use emulation::{bus, drive, firmware, frames, records, rules};
 #[cfg(feature = "emulator")]
-pub mod rules;
-#[cfg(feature = "emulator")]
-mod watch;
+pub(crate) use emulation::{demo, exercise, faults};
 
 /// Registers of CANsync nodes, generated from `layouts/cansync`.
 #[allow(non_snake_case, non_camel_case_types)]

@@ -3,21 +3,11 @@
 //! D-451), so this emulation is not a reference for a real module.
 
 #[cfg(feature = "emulator")]
-mod channels;
-#[cfg(feature = "emulator")]
-mod config;
-#[cfg(feature = "emulator")]
-mod dictionary;
-#[cfg(feature = "emulator")]
-mod module;
-#[cfg(all(test, feature = "emulator"))]
-mod tests;
+mod emulation;
 
 use crate::devices::Registered;
 #[cfg(feature = "emulator")]
-pub use channels::{CHANNELS, Channels, Model, Role};
-#[cfg(feature = "emulator")]
-pub use config::Cr201xConfig;
+pub use emulation::{CHANNELS, Channels, Cr201xConfig, Model, Role};
 
 /// Areas, structures, front panel and object dictionary, generated from `layouts/cr201x`.
 #[allow(non_snake_case, non_camel_case_types)]
@@ -28,16 +18,6 @@ pub mod registers {
 /// The device's entry in the registry.
 pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "emulator")]
-    emulation: crate::devices::Emulation {
-        schema: Some(include_str!("plant.schema.json")),
-        template: Some(include_str!("plant.toml")),
-        first_exchange: Some(crate::devices::FirstExchange {
-            writes: &[("front.inputs", 0x0001)],
-            answer: ("channels.a_INPUT[0]", 0x0001),
-            within: "500ms",
-        }),
-        records: crate::devices::canopen::records::KINDS,
-        ..crate::devices::Emulation::of(Cr201xConfig::read)
-    },
+    emulation: emulation::EMULATION,
     ..Registered::new(&registers::DEVICE)
 };

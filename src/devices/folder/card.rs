@@ -1,18 +1,13 @@
 //! Access to the registers and events of a device in a folder, for its tables and its script.
 
+#[cfg(feature = "script")]
+mod for_script;
+
 use super::phase::KnownPhase;
 use super::port::BusLink;
-#[cfg(feature = "script")]
-use super::port::{Arrival, Unsendable};
-#[cfg(feature = "script")]
-use crate::can::{ErrorState, Filter, Frame};
 use crate::devices::{CardPulses, Context, Events};
 use crate::identity::DeviceIndex;
 use crate::journal::{Origin, Register, State};
-#[cfg(feature = "script")]
-use crate::layout::place::{is_live, status_of};
-#[cfg(feature = "script")]
-use crate::layout::{Area, RegisterPhase};
 use crate::layout::{DeviceFit, DeviceLayout, Owner, RegisterRef, Width};
 use crate::memory::header::InterruptResult;
 use crate::memory::{Cell32, FirmwareHeader, HEADER_SIZE, Segment};
@@ -48,12 +43,6 @@ impl Place {
         Place { offset: register.offset(), width: register.address().width(), front }
     }
 
-    /// True if the register is a word of the front panel.
-    #[cfg(feature = "script")]
-    pub(super) fn is_front(self) -> bool {
-        self.front.is_some()
-    }
-
     /// Largest value of the register.
     pub(super) fn mask(self) -> u32 {
         self.width.max_value()
@@ -80,10 +69,6 @@ struct Watched {
     /// The last known value of the register.
     last: u32,
 }
-
-/// A write of a program: the register, its old value and its new value.
-#[cfg(feature = "script")]
-pub(super) type Written = (RegisterRef, u32, u32);
 
 /// The memory with the registers of a device: its image, or a part of the image of its controller.
 #[derive(Clone)]
@@ -155,25 +140,6 @@ impl Card {
         Card { memory, face, watched, events, has_events, requests: 0, pulses, link, faults: 0, phase }
     }
 
-    /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes them back
-    /// with their changes.
-    #[cfg(feature = "script")]
-    pub(super) fn lend(&mut self) -> Card {
-        Card {
-            memory: self.memory.clone(),
-            face: Arc::clone(&self.face),
-            watched: mem::take(&mut self.watched),
-            link: self.link.clone(),
-            ..*self
-        }
-    }
-
-    #[cfg(feature = "script")]
-    pub(super) fn give_back(&mut self, lent: Card) {
-        (self.watched, self.events, self.pulses) = (lent.watched, lent.events, lent.pulses);
-        self.phase = lent.phase;
-    }
-
     fn front_cell(&self, cell: FrontCell) -> Option<&Cell32> {
         let page = if cell.is_request { self.face.requested() } else { &**self.face };
         page.front.get(cell.index)
@@ -220,36 +186,6 @@ impl Card {
         };
         self.note(place, f(before));
         (before, f(before))
-    }
-
-    /// Copies `bytes` bytes of registers to other registers. The two blocks may overlap. Both blocks must
-    /// consist of registers of the image.
-    #[cfg(feature = "script")]
-    pub(super) fn copy(&mut self, from: u32, to: u32, bytes: u32) {
-        let mut copy = vec![0; bytes as usize];
-        if self.memory.segment.read_range(self.memory.at(from), &mut copy).is_err() {
-            return;
-        }
-        let (mut at, mut rest) = (to, copy.as_slice());
-        while !rest.is_empty() {
-            // The loop copies whole words if possible, because copying a byte takes as long as copying a
-            // word.
-            let width = match rest.len() {
-                _ if at % 2 == 1 => Width::Byte,
-                1 => Width::Byte,
-                2 | 3 => Width::Word,
-                _ if at % 4 == 2 => Width::Word,
-                _ => Width::Dword,
-            };
-            let (part, others) = rest.split_at(width.bytes() as usize);
-            let value = part.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
-            let _ = self.memory.segment.store(self.memory.at(at), width, value);
-            (at, rest) = (at + width.bytes(), others);
-        }
-        let Card { memory, watched, .. } = self;
-        let first = watched.partition_point(|watched| watched.place.offset < to);
-        let written = watched.iter_mut().skip(first).take_while(|watched| watched.place.offset < to + bytes);
-        written.for_each(|it| it.last = memory.load(it.place).unwrap_or(it.last));
     }
 
     /// Does the same as [`Card::update`], and records a change in the journal.
@@ -323,54 +259,6 @@ impl Card {
         }
     }
 
-    /// Watches registers like [`Card::watch`], for a changed script. Registers that were compared before keep their
-    /// last known value.
-    #[cfg(feature = "script")]
-    pub(super) fn watch_again(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
-        let known = mem::take(&mut self.watched);
-        self.watch(layout, names);
-        for watched in &mut self.watched {
-            let Place { offset, .. } = watched.place;
-            let before = known.get(known.partition_point(|it| it.place.offset < offset));
-            watched.last = match before.filter(|it| it.place.offset == offset) {
-                Some(before) => before.last,
-                None => self.memory.load(watched.place).unwrap_or(0),
-            };
-        }
-    }
-
-    /// Called after power-on: takes the present values of the watched registers as their last known values.
-    #[cfg(feature = "script")]
-    pub(super) fn forget_changes(&mut self) {
-        let _ = self.changes();
-    }
-
-    /// Returns the writes of programs since the last call, in the order of addresses. Only registers of
-    /// structures that are valid now are included.
-    #[cfg(feature = "script")]
-    pub(super) fn changes(&mut self) -> Vec<Written> {
-        let mut changes = Vec::new();
-        for watched in &mut self.watched {
-            let now = self.memory.load(watched.place).unwrap_or(watched.last);
-            if now != watched.last {
-                changes.push((watched.register, mem::replace(&mut watched.last, now), now));
-            }
-        }
-        changes.retain(|(register, ..)| is_live(register, self.phase(register.area)));
-        // Several structures of an area have the register that shows the phase.
-        changes.dedup_by(|(next, ..), (first, ..)| {
-            next.offset() == first.offset() && next.register.has_name_of(first.register)
-        });
-        changes
-    }
-
-    /// Returns the phase of an area.
-    #[cfg(feature = "script")]
-    pub(super) fn phase(&self, area: &'static Area) -> RegisterPhase {
-        let status = status_of(area).map(|status| self.load(Place::of(&status)));
-        area.phase(status)
-    }
-
     /// Sets the declared kinds of faults: bit n is set if a fault of kind n acts.
     pub(super) fn set_faults(&mut self, mask: u16) {
         self.faults = mask;
@@ -414,12 +302,6 @@ impl Card {
         (self.has_events && event < EVENTS).then_some(0)
     }
 
-    /// Returns the pulses for the controller, so that the script can add pulses.
-    #[cfg(feature = "script")]
-    pub(super) fn pulses(&mut self) -> &mut CardPulses {
-        &mut self.pulses
-    }
-
     /// Returns the pulses for the controller since the last call.
     pub(super) fn take_pulses(&mut self) -> CardPulses {
         mem::take(&mut self.pulses)
@@ -433,44 +315,6 @@ impl Card {
     /// Returns the same part as [`Card::link`], but mutable.
     pub(super) fn link_mut(&mut self) -> Option<&mut BusLink> {
         self.link.as_mut()
-    }
-
-    /// Removes and returns the first event of the port that was not handled.
-    #[cfg(feature = "script")]
-    pub(super) fn take_arrival(&self) -> Option<Arrival> {
-        self.link.as_ref()?.take_arrival()
-    }
-
-    /// Puts a frame into the transmit queue of the port.
-    ///
-    /// # Errors
-    /// The frame is lost.
-    #[cfg(feature = "script")]
-    pub(super) fn send(&self, frame: Frame) -> Result<(), Unsendable> {
-        self.link.as_ref().ok_or(Unsendable::NoBus)?.send(frame)
-    }
-
-    /// Replaces the filters of the port.
-    #[cfg(feature = "script")]
-    pub(super) fn accept(&self, filters: Vec<Filter>) {
-        if let Some(link) = &self.link {
-            link.accept(filters);
-        }
-    }
-
-    /// Returns the error state of the port; `None` if the port is not connected to a bus.
-    #[cfg(feature = "script")]
-    pub(super) fn bus_state(&self) -> Option<ErrorState> {
-        self.link.as_ref()?.state()
-    }
-
-    /// Raises an event at `now`; returns false if the device has no such event.
-    #[cfg(feature = "script")]
-    pub(super) fn raise(&mut self, event: usize, now: u64) -> bool {
-        if event < EVENTS {
-            self.events.fire(&self.face, event, now);
-        }
-        event < EVENTS
     }
 }
 

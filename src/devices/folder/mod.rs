@@ -32,20 +32,18 @@ mod texts;
 
 pub(crate) use config::{FolderConfig, OptionSection};
 pub use error::FolderError;
-#[cfg(feature = "script")]
-pub(crate) use files::files_of;
 pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
-#[cfg(feature = "cli")]
-pub(crate) use script::DEFINITIONS;
-#[cfg(feature = "script")]
-pub(crate) use script::stack_position;
-pub use search::{names_in_search_path, search, search_first, search_path};
-#[cfg(feature = "cli")]
-pub(crate) use state_word::WORD as SCRIPT_WORD;
-
-#[cfg(feature = "cli")]
-pub(crate) use own_faults::{OwnFault, OwnField};
 pub use own_records::OwnRecord;
+pub use search::{names_in_search_path, search, search_first, search_path};
+
+#[cfg(feature = "script")]
+pub(crate) use self::{files::files_of, script::stack_position};
+#[cfg(feature = "cli")]
+pub(crate) use self::{
+    own_faults::{OwnFault, OwnField},
+    script::DEFINITIONS,
+    state_word::WORD as SCRIPT_WORD,
+};
 
 use dp_master::ProcessImage;
 use handshakes::Tables;

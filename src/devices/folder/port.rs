@@ -80,9 +80,12 @@ impl BusLink {
     pub(super) fn next_time(&self) -> u64 {
         self.lock().arrivals.front().map_or(u64::MAX, |(time, _)| *time)
     }
+}
 
+/// The functions for the script of the device.
+#[cfg(feature = "script")]
+impl BusLink {
     /// Removes and returns the first event.
-    #[cfg(feature = "script")]
     pub(super) fn take_arrival(&self) -> Option<Arrival> {
         self.lock().arrivals.pop_front().map(|(_, arrival)| arrival)
     }
@@ -91,7 +94,6 @@ impl BusLink {
     ///
     /// # Errors
     /// The frame is lost, for the reason in the error.
-    #[cfg(feature = "script")]
     pub(super) fn send(&self, frame: Frame) -> Result<(), Unsendable> {
         let mut exchange = self.lock();
         if !exchange.has_bus {
@@ -108,7 +110,6 @@ impl BusLink {
     }
 
     /// Replaces the filters of the controller. With an empty list, the controller accepts all frames.
-    #[cfg(feature = "script")]
     pub(super) fn accept(&self, filters: Vec<Filter>) {
         let mut exchange = self.lock();
         if exchange.is_on {
@@ -117,7 +118,6 @@ impl BusLink {
     }
 
     /// Returns the error state of the controller; `None` if the port is not connected to a bus.
-    #[cfg(feature = "script")]
     pub(super) fn state(&self) -> Option<ErrorState> {
         let exchange = self.lock();
         exchange.has_bus.then_some(exchange.state)

@@ -14,7 +14,7 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
 use crate::check::{RegisterWatch, rules};
-use crate::devices::traffic_receivers::TrafficReceivers;
+use crate::devices::emulation::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
     World,

@@ -1,8 +1,8 @@
 //! A PROFIBUS segment as the plant file describes it.
 
 use super::{FAMILY, ProfibusBus};
-use crate::devices::settings::keys::plant_keys;
-use crate::devices::settings::refused_at;
+use crate::devices::emulation::settings::keys::plant_keys;
+use crate::devices::emulation::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
 use crate::identity::BusIndex;

@@ -1,6 +1,6 @@
 //! Kinds of faults of a PROFIBUS: faults of telegrams, a station that cannot send, and noise on the line.
 
-use crate::devices::can_faults::{IN_US, delay};
+use crate::devices::emulation::can_faults::{IN_US, delay};
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 use crate::profibus::{FunctionCode, MAX_OCTETS, Telegram};
 

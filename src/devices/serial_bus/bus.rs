@@ -13,7 +13,7 @@ use super::records::{Disturbance, SerialError, SerialOctets};
 use crate::can::ErrorCounters;
 use crate::check::RegisterWatch;
 use crate::devices::cansync::records::DriveSet;
-use crate::devices::traffic_receivers::TrafficReceivers;
+use crate::devices::emulation::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, DriveDetails, DriveState, Drives, Faulty, GuestRefusal,
     ParameterRefusal, PortWatch, Shaft, StationState, SyncSignal, World,

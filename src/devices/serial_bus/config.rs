@@ -3,8 +3,8 @@
 use super::drive_config::SerialDriveConfig;
 use super::drives::BusDrive;
 use super::{FAMILY, SerialBus};
-use crate::devices::settings::keys::plant_keys;
-use crate::devices::settings::refused_at;
+use crate::devices::emulation::settings::keys::plant_keys;
+use crate::devices::emulation::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
 use crate::identity::BusIndex;

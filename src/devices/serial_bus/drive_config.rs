@@ -4,7 +4,7 @@ use crate::devices::BuildError;
 use crate::devices::cansync::drive::{
     BapsMonitoring, BuiltInDriveConfig, Enable, MonitorSettings, ParameterNumbers, ParameterSpec, number,
 };
-use crate::devices::settings::{range, time};
+use crate::devices::emulation::settings::{range, time};
 use crate::serial::uss::{Layout, LayoutError, PkwWidth};
 use crate::serial::{CharacterFormat, Parity};
 use serde::Deserialize;

@@ -1,6 +1,6 @@
 //! Kinds of faults of a serial line: faults of characters, a participant that cannot send, and breaks.
 
-use crate::devices::can_faults::{IN_US, delay};
+use crate::devices::emulation::can_faults::{IN_US, delay};
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Effect of a fault.

@@ -2,7 +2,7 @@
 
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
-use crate::devices::settings::range;
+use crate::devices::emulation::settings::range;
 use crate::devices::{BuildError, BusSection, CardPlace, DeviceConfig};
 use std::collections::{BTreeSet, HashMap};
 

@@ -60,22 +60,24 @@ impl IncomingFiles {
         Ok(())
     }
 
+    /// Removes and returns the file of a client. The file is empty if the client has sent none.
+    fn take(&mut self, client: u128) -> Vec<u8> {
+        let index = self.0.iter().position(|(sender, _)| *sender == client);
+        index.and_then(|index| self.0.remove(index)).map(|(_, file)| file).unwrap_or_default()
+    }
+}
+
+/// The functions for clients of a channel, which may leave.
+#[cfg(feature = "channel")]
+impl IncomingFiles {
     /// True if no client is sending a file.
-    #[cfg(feature = "channel")]
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Drops the files of clients for which `is_present` is false.
-    #[cfg(feature = "channel")]
     pub(super) fn release(&mut self, is_present: impl Fn(u128) -> bool) {
         self.0.retain(|(client, _)| is_present(*client));
-    }
-
-    /// Removes and returns the file of a client. The file is empty if the client has sent none.
-    fn take(&mut self, client: u128) -> Vec<u8> {
-        let index = self.0.iter().position(|(sender, _)| *sender == client);
-        index.and_then(|index| self.0.remove(index)).map(|(_, file)| file).unwrap_or_default()
     }
 }
 

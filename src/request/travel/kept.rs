@@ -87,25 +87,6 @@ impl KeptSnapshots {
         self.by_number.contains_key(&number)
     }
 
-    /// Deletes the snapshots of clients for which `is_present` is false.
-    #[cfg(feature = "channel")]
-    pub(super) fn release(&mut self, is_present: impl Fn(u128) -> bool) {
-        self.by_number.retain(|_, kept| is_present(kept.client));
-    }
-
-    /// True if a client of a channel keeps a snapshot.
-    #[cfg(feature = "channel")]
-    pub(super) fn any_of_clients(&self) -> bool {
-        self.by_number.values().any(|kept| kept.client != 0)
-    }
-
-    /// True if another snapshot may have no place.
-    #[cfg(feature = "channel")]
-    pub(super) fn is_nearly_full(&self) -> bool {
-        let largest = self.by_number.values().map(|kept| kept.snapshot.size()).max().unwrap_or(0);
-        self.by_number.len() >= MAX_KEPT || self.size() + 2 * largest > self.most_bytes
-    }
-
     /// Memory of all snapshots in bytes.
     fn size(&self) -> usize {
         self.by_number.values().map(|kept| kept.snapshot.size()).sum()
@@ -119,5 +100,25 @@ impl KeptSnapshots {
     /// Called when the state of the plant has been replaced: it did not come from any of the snapshots.
     pub(super) fn is_elsewhere(&mut self) {
         self.by_number.values_mut().for_each(|kept| kept.is_behind = false);
+    }
+}
+
+/// The functions for clients of a channel, which may leave.
+#[cfg(feature = "channel")]
+impl KeptSnapshots {
+    /// Deletes the snapshots of clients for which `is_present` is false.
+    pub(super) fn release(&mut self, is_present: impl Fn(u128) -> bool) {
+        self.by_number.retain(|_, kept| is_present(kept.client));
+    }
+
+    /// True if a client of a channel keeps a snapshot.
+    pub(super) fn any_of_clients(&self) -> bool {
+        self.by_number.values().any(|kept| kept.client != 0)
+    }
+
+    /// True if another snapshot may have no place.
+    pub(super) fn is_nearly_full(&self) -> bool {
+        let largest = self.by_number.values().map(|kept| kept.snapshot.size()).max().unwrap_or(0);
+        self.by_number.len() >= MAX_KEPT || self.size() + 2 * largest > self.most_bytes
     }
 }

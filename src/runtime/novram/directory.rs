@@ -65,7 +65,7 @@ impl Directory {
         let lock = lock_file(path, &open, user)?;
         let since = Instant::now();
         loop {
-            match directory::try_lock(&lock) {
+            match directory::writing::try_lock(&lock) {
                 Ok(true) => return Ok(Directory { path: path.to_owned(), open, _lock: lock }),
                 Ok(false) if since.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(1)),
                 Ok(false) => return Err(NovramError::InUse { path: path.to_owned() }),

@@ -61,7 +61,7 @@ impl Bench {
         let text = words;
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
-        let kinds = in_installation(&devices::known_fault_kinds(), &self.names);
+        let kinds = in_installation(&devices::emulation::catalogue::known_fault_kinds(), &self.names);
         let spec = FaultSpec::from_words(&kinds, kind, &words.collect::<Vec<_>>())?;
         let fault = spec.resolve(&kinds, &self.names)?;
         let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;

@@ -1,5 +1,8 @@
 //! The stage of a running script: the plant that the script acts on, and the log of its steps.
 
+#[cfg(feature = "cli")]
+mod for_commands;
+
 use crate::devices::folder;
 use crate::journal::Entry;
 use crate::plant::PlantConfig;
@@ -68,12 +71,6 @@ impl Stage {
         };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
-    }
-
-    /// Passes each section with its emulated time in microseconds to `receive`.
-    #[cfg(feature = "cli")]
-    pub(crate) fn on_section(&mut self, receive: impl FnMut(&str, u64) + 'static) {
-        self.on_section = Some(Box::new(receive));
     }
 
     /// Emulated time that the scenario has taken, in microseconds.
@@ -165,43 +162,9 @@ impl Stage {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
 
-    /// Notes whether the script calls `plant`.
-    #[cfg(feature = "cli")]
-    pub(in crate::script) fn set_calls_plant(&mut self, calls_plant: bool) {
-        self.calls_plant = calls_plant;
-    }
-
-    /// Emulated time in microseconds; 0 before the first verb.
-    #[cfg(feature = "cli")]
-    pub(in crate::script) fn now_us(&mut self) -> u64 {
-        self.bench.as_mut().and_then(|bench| bench.now().ok()).unwrap_or(0)
-    }
-
-    /// The plant for a debugger. Before the first verb this is a preview: the first verb uses the same plant, unless it
-    /// is the verb `plant`, which replaces it.
-    ///
-    /// # Errors
-    /// The plant is refused, or the verb `plant` of the script has not run.
-    #[cfg(feature = "cli")]
-    pub(in crate::script) fn bench_of_debugger(&mut self) -> Result<&mut Bench, ScenarioError> {
-        if self.bench.is_none() && self.calls_plant {
-            let right = "this verb has not run, so the scenario has no registers yet";
-            return Err(ScenarioError::argument("plant", right));
-        }
-        self.is_preview |= self.bench.is_none();
-        self.existing_or_new()
-    }
-
     fn limited(&self, mut bench: Bench) -> Bench {
         bench.set_limit(self.limit_us);
         bench
-    }
-
-    /// Sets the plant for a script that does not call `plant`. Reports call this plant `name`.
-    #[cfg(feature = "cli")]
-    pub(crate) fn set_unnamed(&mut self, name: &str, plant: PlantConfig) {
-        name.clone_into(&mut self.plant_name);
-        self.unnamed = Some(plant);
     }
 
     /// Returns the plant of the script. If the script has not called `plant`, the plant of [`Stage::set_unnamed`] or

@@ -47,7 +47,7 @@ fn operation(connection: &Connection, name: &str, text: &str) -> Result<Op, CliE
         "fault" => {
             let mut words = text.split_whitespace();
             let kind = words.next().unwrap_or_default();
-            let kinds = devices::fault_kinds_of(&connection.names);
+            let kinds = devices::emulation::catalogue::fault_kinds_of(&connection.names);
             let spec = FaultSpec::from_words(&kinds, kind, &words.collect::<Vec<_>>())?;
             Op::FaultAdd { fault: spec.resolve(&kinds, &connection.names)? }
         }
