@@ -38,6 +38,8 @@ pub use registry::{RegisterError, Registered, all, attach, board_of, default, fi
 #[cfg(feature = "emulator")]
 pub use self::{
     canopen::node_sends,
+    emulation::catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device},
+    emulation::dissectors::dissectors,
     emulation::{
         AddressWrites, Attendance, BUS_KINDS, BuildError, Bus, BusGuests, BusKind, BusSection, BusView,
         CardMemory, CardPlace, CardPulses, Context, ControllerPulses, Device, DeviceConfig, DevicePorts,
@@ -46,7 +48,6 @@ pub use self::{
         MasterConfig, ModuleFront, Move, NovramContents, OptionCard, OptionInterface, OptionSlots,
         ParameterRefusal, ParameterState, ParticipantId, Plain, Plug, PortConfig, PortWatch, Power,
         RateMismatch, Read, ReadModule, SettingError, Shaft, Slot, StationState, Switch, SyncLine,
-        SyncOrigin, SyncSignal, World, Wrong, bus_site, catalogue, dissectors, door_fits, fault_kinds,
-        faults_of_device, modules, records, settings_number,
+        SyncOrigin, SyncSignal, World, Wrong, modules, records, settings_number,
     },
 };

@@ -92,11 +92,19 @@ const NOT_PLAIN: &[(&str, &str)] = &[
     ("is_recorded", "`plot` draws recorded registers"),
 ];
 
+/// True if the first fields of an operation are this group. The compiler writes the types of fields with spaces.
+fn begins_with(fields: Fields, group: Fields) -> bool {
+    let is_same = |(field, wanted): (&(&str, &str), &(&str, &str))| {
+        field.0 == wanted.0 && field.1.replace(' ', "") == wanted.1
+    };
+    fields.len() >= group.len() && fields.iter().zip(group).all(is_same)
+}
+
 /// Returns the arguments for the fields of an operation; `None` if a field has no form.
 fn arguments(mut fields: Fields) -> Option<Vec<&'static Argument>> {
     let mut all = Vec::new();
     while !fields.is_empty() {
-        let (group, arguments) = FORMS.iter().find(|(group, _)| fields.starts_with(group))?;
+        let (group, arguments) = FORMS.iter().find(|(group, _)| begins_with(fields, group))?;
         all.extend(*arguments);
         fields = &fields[group.len()..];
     }
@@ -190,6 +198,6 @@ fn the_page_lists_the_forms_of_the_fields() {
             || arguments[0].is_optional
     };
     let rows: Vec<_> = FORMS.iter().filter(differs).map(row).collect();
-    let table = format!("{HEAD}{}", rows.join("\n"));
+    let table = format!("{HEAD}{}\n", rows.join("\n"));
     crate::check_table_of_page("docs/reference/channel.md", HEAD, &table, "COMMRAM_UPDATE_OPERATIONS");
 }

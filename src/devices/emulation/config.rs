@@ -1,7 +1,8 @@
 //! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions. The
 //! device or bus itself reads the keys of its section.
 
-use super::{BuildError, Bus, Device, OptionInterface, Plug, faults_of_device};
+use super::catalogue::faults_of_device;
+use super::{BuildError, Bus, Device, OptionInterface, Plug};
 use crate::can;
 use crate::can::Message;
 use crate::door::{DoorSpec, TrafficKind};

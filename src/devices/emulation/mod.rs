@@ -6,7 +6,7 @@ pub(in crate::devices) mod can_faults;
 pub(crate) mod catalogue;
 mod config;
 pub(crate) mod demo;
-mod dissectors;
+pub(in crate::devices) mod dissectors;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
 mod exercise;
@@ -29,12 +29,10 @@ mod traits;
 pub use bus_kinds::BUS_KINDS;
 #[cfg(feature = "cli")]
 pub(crate) use bus_kinds::traffic_kind_of;
-pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 pub use config::{
     BusKind, BusSection, CardMemory, CardPlace, DeviceConfig, Doubt, MasterConfig, PortConfig, Read,
     settings_number,
 };
-pub use dissectors::dissectors;
 pub use exercise::{Exercise, Move, Wrong};
 pub use first_exchange::FirstExchange;
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};

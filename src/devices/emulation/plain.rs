@@ -1,11 +1,12 @@
 //! A device with only a supply in its front panel. This module has all parts that an ordinary device needs,
 //! except the firmware.
 
+use super::catalogue::faults_of_device;
 use super::program::Starts;
 use super::supply::Supply;
 use super::{
     AddressWrites, Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction,
-    NovramContents, OptionCard, Power, World, faults_of_device,
+    NovramContents, OptionCard, Power, World,
 };
 use crate::fault::{Effect, FaultKind, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
@@ -234,6 +235,10 @@ impl<F: Firmware> DeviceView for Plain<F> {
     fn event_level(&self, event: usize) -> Option<u8> {
         self.firmware.event_level(event)
     }
+
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        self.firmware.fault_kinds().unwrap_or_else(|| faults_of_device(self.layout))
+    }
 }
 
 impl<F: Firmware> Front for Plain<F> {
@@ -316,10 +321,6 @@ impl<F: Firmware> Device for Plain<F> {
     fn due(&mut self, world: &mut World) {
         let origin = crate::journal::Origin::of_device(self.index);
         self.firmware.due(&mut world.context(origin, 0));
-    }
-
-    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
-        self.firmware.fault_kinds().unwrap_or_else(|| faults_of_device(self.layout))
     }
 
     fn novram(&self) -> Option<&dyn NovramContents> {

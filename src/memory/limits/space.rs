@@ -1,6 +1,5 @@
 //! Checks whether a process may have the memory that it needs.
 
-use super::address_space;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::fs;
 
@@ -51,7 +50,7 @@ pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
 /// A number of bytes that is also enough for the next start, and the allowed number.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
-    let Some(most) = address_space() else { return Ok(()) };
+    let Some(most) = super::address_space() else { return Ok(()) };
     let needed = used("VmSize:").saturating_add(more);
     if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }

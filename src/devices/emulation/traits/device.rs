@@ -3,9 +3,8 @@
 
 use crate::devices::{
     AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, FileChanges, Front,
-    NovramContents, OptionCard, OptionSlots, World, faults_of_device,
+    NovramContents, OptionCard, OptionSlots, World,
 };
-use crate::fault::FaultKind;
 use crate::memory::Width;
 use crate::memory::header::BoardState;
 use crate::snapshot_fields::SnapshotFields;
@@ -96,11 +95,6 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Returns the part that answers writes by address, if the device has such a part.
     fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
         None
-    }
-
-    /// Returns the kinds of faults that the device or its ports can have.
-    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
-        faults_of_device(self.layout())
     }
 
     /// Returns the part that takes over changed files of the device. `None` if the device is not described by

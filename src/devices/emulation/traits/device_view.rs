@@ -1,5 +1,7 @@
 //! The visible state of a device: identity, image, registers and front panel.
 
+use crate::devices::faults_of_device;
+use crate::fault::FaultKind;
 use crate::identity::PortNumber;
 use crate::layout::{DeviceFit, DeviceLayout};
 use crate::memory::{Header, Segment};
@@ -22,6 +24,11 @@ pub trait DeviceView {
     /// depend on the modules.
     fn fitted(&self) -> DeviceFit {
         DeviceFit::unknown(self.layout())
+    }
+
+    /// Returns the kinds of faults that the device or its ports can have.
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        faults_of_device(self.layout())
     }
 
     /// True if `port` is a drive on its bus and has no registers in the device. Faults name such a drive by
