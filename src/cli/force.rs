@@ -4,8 +4,10 @@ use super::Instance;
 use super::complete;
 use super::device::of_any_device_or_instance;
 use super::error::CliError;
-use super::place::NamedLocation;
+use super::place::{NamedLocation, status_of};
 use super::table::FormatArg;
+use crate::identity::DeviceIndex;
+use crate::layout::{DeviceFit, RegisterRef};
 
 /// Force registers to a value, or list the forced registers.
 ///
@@ -81,23 +83,24 @@ fn list(args: &Args) -> Result<(), CliError> {
     use super::table;
 
     let session = Session::open(&args.instance, 0)?;
-    let forces = session.read(&[])?.forces;
+    // If structures overlay each other, a status register shows which one is valid. The emulator chooses the forced
+    // registers only during the request, so the request reads all status registers.
+    let statuses: Vec<_> = DeviceIndex::enumerate(session.all_fitted()).flat_map(statuses_of).collect();
+    let reads: Vec<_> = statuses.iter().map(|(plc, status)| Read::register(*plc, status)).collect();
+    let snapshot = session.read(&reads)?;
+    let forces = &snapshot.forces;
     let place = |forced: &crate::plant::Forced| {
         let fitted = session.fitted(forced.plc);
         let address = fitted.device().at(forced.width, forced.offset);
         NamedLocation::parse(&fitted, &address.to_string())
     };
     let places = forces.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-    // Reads the registers that show which structure is valid, for structures that overlay each other.
-    let statuses = forces
-        .iter()
-        .zip(&places)
-        .filter_map(|(forced, place)| place.status().map(|status| Read::register(forced.plc, &status)));
-    let snapshot = session.read(&statuses.collect::<Vec<_>>())?;
-    let mut read = snapshot.data.iter();
     let row = |(forced, place): (&crate::plant::Forced, &NamedLocation)| {
-        let status = place.status().and_then(|_| read.next()).map(|bytes| number(bytes));
-        let live = place.phase(status);
+        let is_status = |(plc, status): &(DeviceIndex, RegisterRef)| {
+            *plc == forced.plc && place.status().is_some_and(|own| own.offset() == status.offset())
+        };
+        let status = statuses.iter().position(is_status).and_then(|index| snapshot.data.get(index));
+        let live = place.phase(status.map(|bytes| number(bytes)));
         let row = holding(&session, place, forced.plc, live, forced.value, snapshot.time_us);
         RegisterReading { forced: true, ..row }
     };
@@ -111,6 +114,11 @@ fn list(args: &Args) -> Result<(), CliError> {
             rows => table::columns(&rows.iter().map(cells).collect::<Vec<_>>()),
         }
     })
+}
+
+/// Returns the registers of a PLC that show which one of overlaid structures is valid.
+fn statuses_of((plc, fitted): (DeviceIndex, &DeviceFit)) -> Vec<(DeviceIndex, RegisterRef)> {
+    fitted.device().areas.iter().filter_map(status_of).map(|status| (plc, status)).collect()
 }
 
 /// Unforces registers.

@@ -186,16 +186,28 @@ pub(crate) fn read_each(
     session: &Session,
     wanted: &[&ReadTarget],
 ) -> Result<Vec<Vec<RegisterReading>>, CliError> {
-    let reads: Vec<_> = wanted.iter().map(|target| target.reads()).collect();
-    let snapshot = session.read(&reads.concat())?;
+    Ok(readings(session, wanted, &session.read(&reads(wanted))?))
+}
+
+/// Returns the read operations for the registers of all arguments.
+pub(crate) fn reads(wanted: &[&ReadTarget]) -> Vec<Read> {
+    wanted.iter().flat_map(|target| target.reads()).collect()
+}
+
+/// Returns the readings of each argument from the values of [`reads`].
+pub(crate) fn readings(
+    session: &Session,
+    wanted: &[&ReadTarget],
+    snapshot: &Snapshot,
+) -> Vec<Vec<RegisterReading>> {
     let mut rest = snapshot.data.as_slice();
     let mut holdings = Vec::new();
-    for (wanted, reads) in wanted.iter().zip(&reads) {
-        let (data, following) = rest.split_at(reads.len().min(rest.len()));
-        holdings.push(wanted.holdings(session, &snapshot, data));
+    for wanted in wanted {
+        let (data, following) = rest.split_at(wanted.reads().len().min(rest.len()));
+        holdings.push(wanted.holdings(session, snapshot, data));
         rest = following;
     }
-    Ok(holdings)
+    holdings
 }
 
 /// Describes the value of `place` in the PLC with index `plc`, at an emulated time. `live` is the phase of overlaid

@@ -28,13 +28,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 mod by_channel {
     use super::super::place::status_of;
-    use super::super::session::{Read, Session};
+    use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, run, time};
     use crate::devices;
     use crate::identity::DeviceIndex;
     use crate::journal::Severity;
-    use crate::layout::{RegisterRef, format_value};
+    use crate::layout::{RegisterRef, Width, format_value};
     use crate::plural::plural;
     use crate::request::json::buses::Rate;
     use crate::request::json::drives::DriveLine;
@@ -165,13 +165,16 @@ mod by_channel {
     }
 
     impl Status {
-        /// Reads all data from the instance in one message.
+        /// Reads all data from the instance in one message, unless a message cannot contain all operations.
         ///
         /// # Errors
         /// The emulator has ended.
         pub(crate) fn of(session: &Session) -> Result<Self, CliError> {
-            let ops = [Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
-            let mut replies = session.request(&ops)?.into_iter();
+            let ports = ports(session);
+            let mut ops = vec![Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
+            ops.extend(DeviceIndex::first(session.plcs().len()).map(|plc| Op::Board { plc }));
+            ops.extend(ports.iter().filter_map(Port::peek));
+            let mut replies = session.request_in_parts(&ops)?.into_iter();
             let mut next = || replies.next().ok_or(crate::request::WrongReply);
             let info = next()?.info()?;
             let buses = next()?.buses()?;
@@ -180,19 +183,25 @@ mod by_channel {
             let found = next()?.findings()?;
             let of_severity =
                 |severity| found.iter().filter(|it| it.last.rule.severity() == severity).count() as u64;
-            let boards = session.boards()?;
+            let boards = session.plcs().iter().map(|name| Ok((name, next()?.board()?)));
+            let boards = boards.collect::<Result<Vec<_>, CliError>>()?;
+            let node = |port: Port| {
+                let state = port.status.map(|_| next()?.value()).transpose()?;
+                Ok(port.node(state, &buses))
+            };
+            let nodes = ports.into_iter().map(node).collect::<Result<Vec<_>, CliError>>()?;
             let mut plcs = Vec::new();
             for (number, (name, state)) in DeviceIndex::enumerate(&boards) {
                 let device = session.device(number);
                 let words = state.words(devices::board_of(device));
-                let (plc, device, power) = (name.clone(), device.name, words.power);
+                let (plc, device, power) = ((*name).clone(), device.name, words.power);
                 let script = script_state(session, number)?;
                 plcs.push(Plc { plc, device, power, switch: words.switch, program: words.program, script });
             }
             Ok(Self {
                 clock: ClockJson::from(&info),
                 plcs,
-                nodes: nodes(session, &buses)?,
+                nodes,
                 buses: buses.iter().map(Bus::of).collect(),
                 drives: drives.into_iter().map(DriveLine::from).collect(),
                 faults,
@@ -269,32 +278,43 @@ mod by_channel {
         Ok(word.map(|(word, state)| word.called(state).to_string()))
     }
 
-    /// Returns the nodes of all PLCs with the states that their firmware reports.
-    fn nodes(session: &Session, buses: &[BusState]) -> Result<Vec<Node>, CliError> {
-        let mut ports: Vec<(String, Option<(DeviceIndex, RegisterRef)>)> = Vec::new();
-        for (plc, name) in DeviceIndex::enumerate(session.plcs()) {
-            for port in session.device(plc).ports {
-                let register = status_of(port.area).map(|register| (plc, register));
-                ports.push((format!("{name}:{}", port.name), register));
-            }
+    /// A port of a PLC.
+    struct Port {
+        /// Name of the port, with the name of the PLC in front.
+        name: String,
+        /// Register with the state of the firmware, and the PLC that has this register.
+        status: Option<(DeviceIndex, RegisterRef)>,
+    }
+
+    /// Returns the ports of all PLCs.
+    fn ports(session: &Session) -> Vec<Port> {
+        let of_plc = |(plc, name): (DeviceIndex, &String)| {
+            let port = |port: &crate::layout::Port| Port {
+                name: format!("{name}:{}", port.name),
+                status: status_of(port.area).map(|register| (plc, register)),
+            };
+            session.device(plc).ports.iter().map(port).collect::<Vec<_>>()
+        };
+        DeviceIndex::enumerate(session.plcs()).flat_map(of_plc).collect()
+    }
+
+    impl Port {
+        /// Returns the operation that reads the state of the firmware.
+        fn peek(&self) -> Option<Op> {
+            let (plc, register) = self.status?;
+            Some(Op::Peek { plc, offset: register.offset(), width: Width::of(register.ty()) })
         }
-        let reads: Vec<_> = ports
-            .iter()
-            .filter_map(|(_, it)| it.map(|(plc, register)| Read::register(plc, &register)))
-            .collect();
-        let mut data = session.read(&reads)?.data.into_iter();
-        let node = |(node, register): (String, Option<(DeviceIndex, RegisterRef)>)| {
-            let bus = buses.iter().find(|bus| bus.ports.contains(&node)).map(|bus| bus.name.clone());
-            let value = register.and_then(|_| data.next());
-            let value =
-                value.map(|bytes| bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)));
-            let described = register
-                .zip(value)
+
+        /// Returns the node with the state that its firmware reports.
+        fn node(self, state: Option<u32>, buses: &[BusState]) -> Node {
+            let bus = buses.iter().find(|bus| bus.ports.contains(&self.name)).map(|bus| bus.name.clone());
+            let described = self
+                .status
+                .zip(state)
                 .map(|((_, register), value)| (format_value(register.ty(), value), register.decode(value)));
             let shown =
                 described.as_ref().map_or_else(|| "-".to_owned(), |(value, text)| format!("{value}  {text}"));
-            Node { node, bus, state: value, text: described.map(|(_, text)| text), shown }
-        };
-        Ok(ports.into_iter().map(node).collect())
+            Node { node: self.name, bus, state, text: described.map(|(_, text)| text), shown }
+        }
     }
 }

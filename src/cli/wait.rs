@@ -5,10 +5,10 @@ use super::complete;
 use super::device::of_any_device_or_instance;
 use super::error::CliError;
 use super::place::NamedLocation;
-use super::session::Session;
+use super::session::{Read, Session, Snapshot};
 use super::time;
 use crate::layout::{Condition, ConditionError};
-use crate::request::Op;
+use crate::request::{MAX_CONDITIONS, Op};
 
 /// Wait until registers have the given values.
 ///
@@ -97,16 +97,25 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut ops = ops.collect::<Result<Vec<_>, CliError>>()?;
     let within_us = args.within;
     ops.push(Op::WaitFor { any: args.any, within_us });
-    let outcome = session.request(&ops);
     let wanted =
         conditions.iter().map(|it| Ok(ReadTarget::One(session.plc_of(&it.place)?, it.place.clone())));
     let wanted = wanted.collect::<Result<Vec<_>, CliError>>()?;
+    let targets: Vec<_> = wanted.iter().collect();
+    let waits = ops.len();
+    // The same request reads the registers at the moment of the match. With too many conditions, the emulator refuses
+    // the wait.
+    if conditions.len() <= MAX_CONDITIONS {
+        ops.extend(Read::ops(&peek::reads(&targets)));
+    }
+    let outcome = session.request(&ops);
     let holds = |held: u32, bit: usize| held >> bit & 1 != 0;
     match outcome {
         Ok(mut replies) => {
+            let snapshot = Snapshot::of(replies.split_off(waits.min(replies.len())))?;
             let Waited { time_us, value: held } =
                 replies.pop().ok_or(crate::request::WrongReply)?.waited()?;
-            let holdings = peek::read(&session, &wanted)?;
+            let holdings = peek::readings(&session, &targets, &snapshot);
+            let holdings: Vec<_> = holdings.into_iter().flatten().collect();
             let line = |(bit, holding): (usize, &RegisterReading)| {
                 let line = peek::line(holding);
                 holds(held, bit).then(|| format!("{}  at {}\n", line.trim_end(), time::seconds(time_us)))

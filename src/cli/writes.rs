@@ -5,7 +5,7 @@ use super::place::NamedLocation;
 use super::session::Session;
 use crate::identity::DeviceIndex;
 use crate::layout::{BitAccess, Width};
-use crate::request::{MAX_OPS, Op, Reply};
+use crate::request::{Op, Reply};
 use std::collections::HashMap;
 
 /// A write of a register, or of one bit of it.
@@ -30,11 +30,7 @@ impl RegisterWrite {
                 registers.push(Op::Peek { plc: session.plc_of(place)?, offset, width });
             }
         }
-        let mut replies = Vec::new();
-        for part in registers.chunks(MAX_OPS) {
-            replies.extend(session.request(part)?);
-        }
-        let mut replies = replies.into_iter();
+        let mut replies = session.request_in_parts(&registers)?.into_iter();
         // Several writes may concern bits of one register. So each write to a bit starts from the value after the
         // preceding writes.
         let mut known: HashMap<(DeviceIndex, u32), u32> = HashMap::new();

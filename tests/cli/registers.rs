@@ -34,21 +34,57 @@ fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
     assert_eq!(emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]), "16#11223344");
 }
 
-/// Each reply of the channel rings a bell of the header page, so the test counts the replies by this bell. The client
-/// also reads the names from the header page, without a request.
-#[test]
-fn a_poke_is_one_exchange_for_any_number_of_registers() {
-    let emulator = Emulator::stepped();
+/// Returns the number of replies that an emulator sends during `action`. Each reply of the channel rings a bell of the
+/// header page.
+fn replies_during(emulator: &Emulator, plc: &str, action: impl FnOnce()) -> u32 {
     let replies = || {
-        let image = Image::attach(&emulator.name, "line", AttachMode::HeaderOnly, None).unwrap();
+        let image = Image::attach(&emulator.name, plc, AttachMode::HeaderOnly, None).unwrap();
         image.header_snapshot().channel_reply.rings()
     };
-    for count in [1, 9] {
-        let writes: Vec<_> = (0..count).map(|value| format!("node2.b_MAX_SL_NR={value}")).collect();
-        let before = replies();
-        emulator.poke(&writes.iter().map(String::as_str).collect::<Vec<_>>());
-        assert_eq!(replies().wrapping_sub(before), 1, "{count} registers");
+    let before = replies();
+    action();
+    replies().wrapping_sub(before)
+}
+
+/// A client reads the names of a single PLC from the header page, without a request.
+#[test]
+fn a_command_is_one_exchange_for_any_number_of_registers() {
+    let emulator = Emulator::stepped();
+    emulator.run("force", &["node2.b_AM=1"]).ok();
+    let registers: Vec<_> = (0..9).map(|index| format!("node2.a_WR_VALUE[{index}]")).collect();
+    let writes: Vec<_> = registers.iter().map(|register| format!("{register}=7")).collect();
+    let texts = |list: &[String]| list.to_vec();
+    let words = |list: &[&str]| list.iter().map(ToString::to_string).collect::<Vec<_>>();
+    let commands = [
+        ("peek", texts(&registers[..1])),
+        ("peek", texts(&registers)),
+        ("peek", words(&["node2.*STATUS*", "node2.w_CPU_CONTROL.7"])),
+        ("poke", texts(&writes[..1])),
+        ("poke", texts(&writes)),
+        // The note about the owner needs the status of the structures, which comes with the reply.
+        ("poke", words(&["node2.w_OPTION_STATUS=1"])),
+        ("force", texts(&writes[..1])),
+        ("force", texts(&writes)),
+        ("force", vec![]),
+        ("unforce", texts(&registers)),
+        ("wait", words(&["node2.w_CPU_CONTROL==0", "--within", "1ms"])),
+        ("step", words(&["1ms"])),
+        ("status", vec![]),
+        ("dump", words(&["node2"])),
+    ];
+    for (command, args) in commands {
+        let args: Vec<_> = args.iter().map(String::as_str).collect();
+        let exchanges = replies_during(&emulator, "line", || {
+            let outcome = emulator.run(command, &args);
+            assert_eq!(outcome.code, Some(0), "{command} {args:?}: {}", outcome.err);
+        });
+        assert_eq!(exchanges, 1, "{command} {args:?}");
     }
+    // The names of registers are in the program.
+    let found = replies_during(&emulator, "line", || {
+        run(&["find", "status", "-i", &emulator.name]).ok();
+    });
+    assert_eq!(found, 0);
 }
 
 #[test]

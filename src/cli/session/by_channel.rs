@@ -123,6 +123,18 @@ impl Session {
         }
     }
 
+    /// Does the same as [`Session::request`]. Operations that do not fit into one request follow in further requests.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Session::request`].
+    pub(crate) fn request_in_parts(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
+        let mut replies = Vec::with_capacity(ops.len());
+        for part in ops.chunks(MAX_OPS) {
+            replies.extend(self.request(part)?);
+        }
+        Ok(replies)
+    }
+
     /// Sends operations and returns their replies in order: [`Reply::Error`] for a refused operation, if any.
     ///
     /// # Errors
@@ -222,14 +234,30 @@ impl Session {
     }
 
     fn read_in_one_request(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+        Snapshot::of(self.request(&Read::ops(reads))?)
+    }
+}
+
+impl Read {
+    /// Returns the operations for these reads. [`Snapshot::of`] needs the replies of all of them.
+    pub(crate) fn ops(reads: &[Self]) -> Vec<Op> {
         let op = |read: &Read| match *read {
             Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
             Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
         };
-        let ops: Vec<_> = [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect();
+        [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect()
+    }
+}
+
+impl Snapshot {
+    /// Returns the values in the replies to the operations of [`Read::ops`].
+    ///
+    /// # Errors
+    /// A reply is of another kind.
+    pub(crate) fn of(replies: Vec<Reply>) -> Result<Self, CliError> {
         let (mut time_us, mut forces) = (0, Vec::new());
-        let mut data = Vec::with_capacity(reads.len());
-        for reply in self.request(&ops)? {
+        let mut data = Vec::with_capacity(replies.len());
+        for reply in replies {
             match reply {
                 Reply::Info(info) => time_us = info.time_us,
                 Reply::Forces(forced) => forces = forced,
