@@ -83,6 +83,15 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "commram", version, long_version = version::long(), color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
+    #[command(flatten)]
+    common: CommonOptions,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of all commands.
+#[derive(clap::Args)]
+struct CommonOptions {
     /// Colours: on a terminal (unless NO_COLOR is set), always, never
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::ColourMode::Auto, hide_possible_values = true)]
     color: style::ColourMode,
@@ -92,8 +101,6 @@ struct Cli {
     /// Print more: all messages of an emulator, the configuration that a command uses
     #[arg(short, long, global = true)]
     verbose: bool,
-    #[command(subcommand)]
-    command: Command,
 }
 
 /// Returns the part of the help that all commands share.
@@ -124,59 +131,95 @@ Examples:
   commram peek node2.w_OPTION_STATUS
   commram stop";
 
-#[derive(Subcommand)]
-enum Command {
-    #[command(alias = "start")]
-    Run(run::Args),
-    With(with::Args),
-    #[command(aliases = ["ps", "ls"])]
-    List(list::Args),
-    Status(status::Args),
-    #[command(alias = "kill")]
-    Stop(stop::Args),
-    Map(map::Args),
-    Find(find::Args),
-    Export(export::Args),
-    Device(device_folder::Args),
-    Layout(layout::Args),
-    Lsp(lsp::Args),
-    New(new::Args),
-    Plant(plant::Args),
-    Plot(plot::Args),
-    #[command(aliases = ["get", "read"])]
-    Peek(peek::Args),
-    #[command(aliases = ["set", "write"])]
-    Poke(poke::Args),
-    Force(force::Args),
-    Unforce(force::UnforceArgs),
-    Wait(wait::Args),
-    Step(step::Args),
-    Speed(speed::Args),
-    Snapshot(snapshot::Args),
-    Restore(snapshot::RestoreArgs),
-    Dump(dump::Args),
-    Diff(diff::Args),
-    Watch(watch::Args),
-    View(view::Args),
-    Web(web::Args),
-    Shell(shell::Args),
-    Fault(fault::Args),
-    #[command(aliases = ["log", "journal"])]
-    Trace(trace::Args),
-    Test(test::Args),
-    #[command(hide = true)]
-    TestScenario(test::scenario::Args),
-    Soak(soak::Args),
-    Check(check::Args),
-    Demo(demo::Args),
-    Dap(dap::Args),
-    #[command(hide = true)]
-    DemoPlc(demo::plc::Args),
-    Board(board::Args),
-    Bus(bus::Args),
-    Drive(drive::Args),
-    Completions(completions::Args),
-    Man(man::Args),
+/// Declares the commands: the name and the aliases of each one, its variant with its arguments, its function, and the word
+/// `hidden` if the help does not list the command.
+macro_rules! commands {
+    ($($name:literal $(| $alias:literal)* => $variant:ident($args:path), $run:path $(, $hidden:ident)?;)+) => {
+        #[derive(Subcommand)]
+        enum Command {
+            $(
+                #[command(name = $name, aliases = [$($alias),*] as [&str; _], hide = is_hidden!($($hidden)?))]
+                $variant($args),
+            )+
+        }
+
+        impl Command {
+            /// Adds the command with this name or alias to `parser`, and no other command. `None` if there is no such
+            /// command.
+            fn augment_only(parser: clap::Command, name: &str) -> Option<clap::Command> {
+                match name {
+                    $($name $(| $alias)* => {
+                        let command = <$args as clap::Args>::augment_args(clap::Command::new($name));
+                        let command = command.aliases([$($alias),*] as [&str; _]);
+                        Some(parser.subcommand(command.hide(is_hidden!($($hidden)?))))
+                    })+
+                    _ => None,
+                }
+            }
+
+            fn call(&self) -> Result<(), CliError> {
+                match self {
+                    $(Command::$variant(args) => $run(args),)+
+                }
+            }
+        }
+    };
+}
+
+/// True if a command of the table has the word `hidden`.
+macro_rules! is_hidden {
+    () => {
+        false
+    };
+    (hidden) => {
+        true
+    };
+}
+
+commands! {
+    "run" | "start" => Run(run::Args), run::run;
+    "with" => With(with::Args), with::run;
+    "list" | "ps" | "ls" => List(list::Args), list::run;
+    "status" => Status(status::Args), status::run;
+    "stop" | "kill" => Stop(stop::Args), stop::run;
+    "map" => Map(map::Args), map::run;
+    "find" => Find(find::Args), find::run;
+    "export" => Export(export::Args), export::run;
+    "device" => Device(device_folder::Args), device_folder::run;
+    "layout" => Layout(layout::Args), layout::run;
+    "lsp" => Lsp(lsp::Args), lsp::run;
+    "new" => New(new::Args), new::run;
+    "plant" => Plant(plant::Args), plant::run;
+    "plot" => Plot(plot::Args), plot::run;
+    "peek" | "get" | "read" => Peek(peek::Args), peek::run;
+    "poke" | "set" | "write" => Poke(poke::Args), poke::run;
+    "force" => Force(force::Args), force::run;
+    "unforce" => Unforce(force::UnforceArgs), force::unforce;
+    "wait" => Wait(wait::Args), wait::run;
+    "step" => Step(step::Args), step::run;
+    "speed" => Speed(speed::Args), speed::run;
+    "snapshot" => Snapshot(snapshot::Args), snapshot::run;
+    "restore" => Restore(snapshot::RestoreArgs), snapshot::restore;
+    "dump" => Dump(dump::Args), dump::run;
+    "diff" => Diff(diff::Args), diff::run;
+    "watch" => Watch(watch::Args), watch::run;
+    "view" => View(view::Args), view::run;
+    "web" => Web(web::Args), web::run;
+    "shell" => Shell(shell::Args), shell::run;
+    "fault" => Fault(fault::Args), fault::run;
+    "trace" | "log" | "journal" => Trace(trace::Args), trace::run;
+    "test" => Test(test::Args), test::run;
+    "test-scenario" => TestScenario(test::scenario::Args), test::scenario::run, hidden;
+    "soak" => Soak(soak::Args), soak::run;
+    "check" => Check(check::Args), check::run;
+    "demo" => Demo(demo::Args), demo::run;
+    "dap" => Dap(dap::Args), dap::run;
+    "demo-plc" => DemoPlc(demo::plc::Args), demo::plc::run, hidden;
+    "board" => Board(board::Args), board::run;
+    "bus" => Bus(bus::Args), bus::run;
+    "drive" => Drive(drive::Args), drive::run;
+    "completions" => Completions(completions::Args), completions::run;
+    "man" => Man(man::Args), man::run;
 }
 
 /// Parses the command line, runs the command and returns the exit code of the process. A program with devices of its
@@ -197,9 +240,9 @@ fn answer_command_line() -> ExitCode {
     style::set(std::env::args_os());
     let result = match parse::parse(std::env::args_os()) {
         Ok(cli) => {
-            output::set_verbosity(cli.quiet, cli.verbose);
+            output::set_verbosity(cli.common.quiet, cli.common.verbose);
             config::notes().iter().for_each(|note| output::note(note));
-            if cli.verbose {
+            if cli.common.verbose {
                 output::note(&format!("configuration: {}", config::get()));
             }
             cli.command.run()
@@ -215,51 +258,7 @@ impl Command {
         crate::memory::end_on_shortened_files(damaged)
             .and_then(|()| survive_file_size_limit())
             .map_err(|reason| CliError::Signals { reason })?;
-        match self {
-            Command::Run(args) => run::run(&args),
-            Command::With(args) => with::run(&args),
-            Command::List(args) => list::run(&args),
-            Command::Status(args) => status::run(&args),
-            Command::Stop(args) => stop::run(&args),
-            Command::Map(args) => map::run(&args),
-            Command::Find(args) => find::run(&args),
-            Command::Export(args) => export::run(&args),
-            Command::Device(args) => device_folder::run(&args),
-            Command::Layout(args) => layout::run(&args),
-            Command::Lsp(args) => lsp::run(&args),
-            Command::New(args) => new::run(&args),
-            Command::Plant(args) => plant::run(&args),
-            Command::Plot(args) => plot::run(&args),
-            Command::Peek(args) => peek::run(&args),
-            Command::Poke(args) => poke::run(&args),
-            Command::Force(args) => force::run(&args),
-            Command::Unforce(args) => force::unforce(&args),
-            Command::Wait(args) => wait::run(&args),
-            Command::Step(args) => step::run(&args),
-            Command::Speed(args) => speed::run(&args),
-            Command::Snapshot(args) => snapshot::run(&args),
-            Command::Restore(args) => snapshot::restore(&args),
-            Command::Dump(args) => dump::run(&args),
-            Command::Diff(args) => diff::run(&args),
-            Command::Watch(args) => watch::run(&args),
-            Command::View(args) => view::run(&args),
-            Command::Web(args) => web::run(&args),
-            Command::Shell(args) => shell::run(&args),
-            Command::Fault(args) => fault::run(&args),
-            Command::Trace(args) => trace::run(&args),
-            Command::Test(args) => test::run(&args),
-            Command::TestScenario(args) => test::scenario::run(&args),
-            Command::Soak(args) => soak::run(&args),
-            Command::Check(args) => check::run(&args),
-            Command::Demo(args) => demo::run(&args),
-            Command::Dap(args) => dap::run(&args),
-            Command::DemoPlc(args) => demo::plc::run(&args),
-            Command::Board(args) => board::run(&args),
-            Command::Bus(args) => bus::run(&args),
-            Command::Drive(args) => drive::run(&args),
-            Command::Completions(args) => completions::run(&args),
-            Command::Man(args) => man::run(&args),
-        }
+        self.call()
     }
 }
 

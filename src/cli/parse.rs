@@ -1,11 +1,11 @@
 //! The command line of this program: its commands in groups, and the positions where options are allowed.
 
 use super::instance::instance_name;
-use super::{Cli, advice, config};
+use super::{Cli, CommonOptions, advice, config};
 use crate::devices::folder;
 use clap::builder::Resettable;
 use clap::error::ErrorKind;
-use clap::{Arg, Command, CommandFactory, FromArgMatches};
+use clap::{Arg, Args, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 
 /// The commands in the order of the help, grouped by purpose.
@@ -24,6 +24,17 @@ const GROUPS: &[(&str, &[&str])] = &[
 pub(super) fn command() -> Command {
     let command = Cli::command();
     let template = template(&command);
+    adapt(command).help_template(template)
+}
+
+/// Returns a command line that has only the command `name`. `None` if there is no such command.
+fn command_line_of(name: &str) -> Option<Command> {
+    let parser = CommonOptions::augment_args(Command::new("commram"));
+    super::Command::augment_only(parser, name).map(adapt)
+}
+
+/// Adds the option `-i`, and the defaults from the configuration file.
+fn adapt(command: Command) -> Command {
     let instance = Arg::new("instance")
         .short('i')
         .long("instance")
@@ -31,7 +42,7 @@ pub(super) fn command() -> Command {
         .value_parser(instance_name)
         .help("Name of the instance, for every command that uses one");
     folder::search_first(config::get().devices());
-    config::get().apply(command.arg(instance)).help_template(template)
+    config::get().apply(command.arg(instance))
 }
 
 /// Returns the help with the commands in groups.
@@ -58,11 +69,45 @@ fn template(command: &Command) -> String {
 /// # Errors
 /// Wrong use, or a request for help. The error contains hints for frequent mistakes.
 pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
+    let words: Vec<_> = words.collect();
+    if let Some(cli) = parse_one_command(&words) {
+        return Ok(cli);
+    }
     let commands = command();
-    let words = with_options_after_command(words.collect(), 1, &commands);
+    let words = with_options_after_command(words, 1, &commands);
     let parsed = commands.clone().try_get_matches_from(&words);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
+}
+
+/// Parses a command line without a mistake. Creates the parser of the used command only, because the parser of all
+/// commands takes half of the instructions of a short command. `None` if the words have a mistake or request the help.
+fn parse_one_command(words: &[OsString]) -> Option<Cli> {
+    let commands = command_line_of(name_of_command(words)?)?;
+    let words = with_options_after_command(words.to_vec(), 1, &commands);
+    Cli::from_arg_matches(&commands.try_get_matches_from(words).ok()?).ok()
+}
+
+/// Returns the first word that is not an option. `None` if a request for help or the version comes before this word.
+fn name_of_command(words: &[OsString]) -> Option<&str> {
+    let mut rest = words.iter().skip(1);
+    loop {
+        let word = rest.next()?.to_str()?;
+        match options_length(word) {
+            Some(count) => rest.by_ref().take(count - 1).for_each(drop),
+            None => return (!word.starts_with('-')).then_some(word),
+        }
+    }
+}
+
+/// Returns the number of words of an option that may precede a command. `None` for a command, and for a word at which the
+/// search for options ends, because the parser handles it.
+fn options_length(word: &str) -> Option<usize> {
+    match word {
+        "-i" | "--instance" | "--color" => Some(2),
+        "-h" | "--help" | "-V" | "--version" | "--" => None,
+        word => word.starts_with('-').then_some(1),
+    }
 }
 
 /// Moves options before a command to the place after it. `-i NAME` is an option of the command; the other options are allowed in both
@@ -78,21 +123,14 @@ pub(super) fn with_options_after_command(
     kept.extend(rest.by_ref().take(begin));
     let mut rest = rest.peekable();
     while let Some(word) = rest.peek().and_then(|word| word.to_str()).map(str::to_owned) {
-        let count = match word.as_str() {
-            "-i" | "--instance" | "--color" => 2,
-            // At one of these words the search for options ends: it is not a command, and the parser handles it.
-            "-h" | "--help" | "-V" | "--version" | "--" => break,
-            word if word.starts_with('-') => 1,
-            word => match command.find_subcommand(word) {
-                Some(inner) => {
-                    command = inner;
-                    kept.extend(rest.next());
-                    continue;
-                }
-                None => break,
-            },
-        };
-        moved.extend(rest.by_ref().take(count));
+        match (options_length(&word), command.find_subcommand(&word)) {
+            (Some(count), _) => moved.extend(rest.by_ref().take(count)),
+            (None, Some(inner)) => {
+                command = inner;
+                kept.extend(rest.next());
+            }
+            (None, None) => break,
+        }
     }
     // Without one of its own subcommands, a command such as `board` has no option `-i`. The parser is to report the missing
     // or wrong subcommand, not the option.
@@ -122,7 +160,9 @@ fn without_instance(kept: Vec<OsString>, moved: Vec<OsString>) -> impl Iterator<
 
 /// Returns the arguments of this process after its command, including the options that were before the command.
 pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
-    with_options_after_command(std::env::args_os().collect(), 1, &command()).into_iter().skip(2)
+    let words: Vec<_> = std::env::args_os().collect();
+    let commands = name_of_command(&words).and_then(command_line_of).unwrap_or_else(command);
+    with_options_after_command(words, 1, &commands).into_iter().skip(2)
 }
 
 /// Returns `error` without the options that environment variables set: the usage text would show such options as
@@ -153,6 +193,38 @@ mod tests {
         let mut shown: Vec<_> = shown.chain(["help"]).collect();
         shown.sort_unstable();
         assert_eq!(grouped, shown);
+    }
+
+    #[test]
+    fn the_parser_of_one_command_equals_its_part_of_the_parser_of_all() {
+        let all = command();
+        let options = |command: &Command| format!("{:?}", command.get_arguments().collect::<Vec<_>>());
+        for inner in all.get_subcommands() {
+            for name in [inner.get_name()].into_iter().chain(inner.get_all_aliases()) {
+                let one = command_line_of(name).unwrap();
+                assert_eq!(format!("{:?}", one.find_subcommand(name).unwrap()), format!("{inner:?}"));
+                assert_eq!(one.get_subcommands().count(), 1, "{name}");
+                assert_eq!(options(&one), options(&all), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_a_mistake_or_a_request_for_help_needs_the_parser_of_all_commands() {
+        let parsed = |line: &str| {
+            let words: Vec<_> = line.split(' ').map(OsString::from).collect();
+            parse_one_command(&words).map(|cli| (cli.common.quiet, cli.command))
+        };
+        assert!(matches!(parsed("commram peek x"), Some((false, super::super::Command::Peek(_)))));
+        let read = parsed("commram -q --color never -i a read x");
+        assert!(matches!(read, Some((true, super::super::Command::Peek(_)))));
+        let of_bus = parsed("commram -i a bus list");
+        assert!(matches!(of_bus, Some((false, super::super::Command::Bus(_)))));
+        for other in
+            ["commram", "commram peek", "commram -h peek x", "commram peek -h", "commram -V", "commram p x"]
+        {
+            assert!(parsed(other).is_none(), "{other}");
+        }
     }
 
     #[test]
