@@ -37,7 +37,8 @@ use watch::WatchedFiles;
 /// Run scenario scripts.
 ///
 /// A scenario is a Rhai script that controls a plant and contains expectations; docs/reference/scenarios.md
-/// describes all verbs. Each scenario runs on a separate plant, in a separate process, with a stepped clock.
+/// describes all verbs. Each scenario runs on a separate plant with a stepped clock, in a process that runs one scenario
+/// after the other.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,

@@ -1,7 +1,12 @@
 //! Identifies the process of an emulator, and checks whether it still runs.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
+use std::sync::OnceLock;
+
+/// Bytes that one read of a file of the kernel returns at most.
+const PAGE: usize = 4096;
 
 /// A process, distinguished from later processes with the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +20,16 @@ pub(crate) struct ProcessId {
 impl ProcessId {
     /// Returns this process. Without `/proc` the start time is 0. This value never makes a running process look ended.
     pub(crate) fn own() -> Self {
+        static OWN: OnceLock<ProcessId> = OnceLock::new();
         let pid = std::process::id();
+        // After a fork, the value is that of the other process.
+        match OWN.get_or_init(|| Self::read_own(pid)) {
+            own if own.pid == pid => *own,
+            _ => Self::read_own(pid),
+        }
+    }
+
+    fn read_own(pid: u32) -> Self {
         let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);
         Self { pid, start }
     }
@@ -67,7 +81,15 @@ fn state(pid: u32) -> Option<(char, u64)> {
 
 fn read_stat(pid: u32) -> Option<String> {
     // The command name may contain any bytes.
-    fs::read(format!("/proc/{pid}/stat")).ok().map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+    let bytes = read_kernel_file(&format!("/proc/{pid}/stat")).ok()?;
+    Some(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Reads a file of the kernel. Such a file has no length, so `std::fs::read` would read it in many small parts.
+pub(in crate::memory) fn read_kernel_file(path: &str) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(PAGE);
+    File::open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// State (field 3) and start time (field 22). The command name before them may itself contain blanks and

@@ -83,7 +83,7 @@ pub(crate) fn unknown_function(name: &str, verbs: &[Verb]) -> String {
 /// number.
 pub(crate) fn argument_count(verbs: &[Verb], name: &str, count: usize) -> Option<String> {
     let fits = verbs.iter().any(|verb| verb.parameters.len() == count);
-    (!fits).then(|| wrong_count(verbs, name, count).to_string())
+    (!fits).then(|| wrong_count(&verbs.iter().collect::<Vec<_>>(), name, count).to_string())
 }
 
 /// Returns the message for a value that the register cannot hold.

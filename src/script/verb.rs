@@ -1,5 +1,7 @@
 //! The table of verbs, read from their definition file. Editors, messages and the reference use the same file.
 
+use std::sync::LazyLock;
+
 /// The definition file, in Rhai's format for editors: names, parameters, types and descriptions of the verbs.
 pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
 
@@ -24,14 +26,17 @@ impl Verb {
     }
 }
 
+/// The verbs of the definition file, which is parsed only once.
+static VERBS: LazyLock<Vec<Verb>> = LazyLock::new(|| defined(DEFINITIONS));
+
 /// Returns all verbs, in the order of the definition file.
 pub fn verbs() -> Vec<Verb> {
-    defined(DEFINITIONS)
+    VERBS.clone()
 }
 
 /// Returns the verbs with this name.
-pub(super) fn called(name: &str) -> Vec<Verb> {
-    verbs().into_iter().filter(|verb| verb.name == name).collect()
+pub(super) fn called(name: &str) -> Vec<&'static Verb> {
+    VERBS.iter().filter(|verb| verb.name == name).collect()
 }
 
 /// Returns the verbs of a definition file. A verb without a description has that of the verb before it.

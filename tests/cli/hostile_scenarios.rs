@@ -215,7 +215,7 @@ fn a_scenario_that_crashes_harms_no_other() {
 }
 
 /// Creates a script as a pipe with one blank in it and an open writer, so that reading it never ends.
-fn endless_script(path: &Path) -> OwnedFd {
+pub(crate) fn endless_script(path: &Path) -> OwnedFd {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
     let pipe = rustix::fs::open(path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()).unwrap();
     rustix::io::write(&pipe, b" ").unwrap();

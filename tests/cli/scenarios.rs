@@ -8,6 +8,7 @@ mod attached;
 mod selected;
 mod spelling;
 mod tutorial;
+mod workers;
 
 /// Scripts in a separate directory, in which the command runs.
 pub(crate) struct Scripts(pub TempDir);

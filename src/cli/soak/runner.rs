@@ -3,7 +3,7 @@
 use super::kills;
 use crate::cli::error::CliError;
 use crate::cli::test::LimitArgs;
-use crate::cli::test::process::{self, RunOptions};
+use crate::cli::test::process::{self, RunOptions, Workers};
 use crate::devices::Exercise;
 use crate::output_file;
 use crate::plural::plural;
@@ -22,6 +22,7 @@ pub(super) struct RoundRunner {
     keep: PathBuf,
     directory: PathBuf,
     setting: RunOptions,
+    workers: Workers,
     files: AtomicUsize,
 }
 
@@ -51,7 +52,14 @@ impl RoundRunner {
         std::fs::create_dir(&directory)
             .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
         let setting = RunOptions { attach: None, device: None, limits, allow_empty: true };
-        Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicUsize::new(0) })
+        Ok(Self {
+            exercises,
+            keep: keep.to_owned(),
+            directory,
+            setting,
+            workers: Workers::default(),
+            files: AtomicUsize::new(0),
+        })
     }
 
     pub(super) fn exercises(&self) -> &[&'static Exercise] {
@@ -99,7 +107,7 @@ impl RoundRunner {
     fn play(&self, text: &str, stop: &impl Fn() -> bool) -> Report {
         let file = self.directory.join(format!("{}.rhai", self.files.fetch_add(1, Ordering::Relaxed)));
         let report = match std::fs::write(&file, text) {
-            Ok(()) => process::run(&file, &self.setting, stop, |_| {}),
+            Ok(()) => self.workers.run(&file, &self.setting, stop, |_| {}),
             Err(reason) => process::died(&file, &reason.to_string()),
         };
         // An error is ignored, because the file is removed with the directory at the end.

@@ -1,8 +1,8 @@
-//! One process per scenario: a crash of a scenario affects neither other scenarios nor the report.
+//! Processes of scenarios: a crash of a scenario affects neither other scenarios nor the report.
 
 use super::LimitArgs;
 use super::events::Moment;
-use super::scenario::Message;
+use super::scenario::{BEGIN_OF_COMPLAINTS, END_OF_NAME, Message};
 use crate::cli::demo::command;
 use crate::cli::error::CliError;
 use crate::input_file::{self, is_standard};
@@ -12,9 +12,11 @@ use crate::script::{Outcome, Report};
 use crate::time::short;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::thread::JoinHandle;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle, ThreadId};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Additional real time for a process after its limit. The process must start, and it checks the limit only between two
@@ -48,42 +50,97 @@ pub(crate) fn allow_memory() -> Result<(), CliError> {
     limits::space::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
 }
 
-/// Runs a scenario in a separate process. Ends it early when `stop` returns true. Passes its sections and its output to
-/// `heard`.
-pub(crate) fn run(
-    file: &Path,
-    setting: &RunOptions,
-    stop: impl Fn() -> bool,
-    heard: impl Fn(&Moment<'_>),
-) -> Report {
-    let mut report = match Scenario::start(file, setting) {
-        Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop, heard),
-        Err(error) => died(file, &error.to_string()),
-    };
-    if !setting.allow_empty {
-        report.refuse_empty();
-    }
-    report
-}
-
 /// Creates the report of a scenario for which the process sent no result.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
     Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }
 
-/// A running process. Dropping this value kills the process.
-struct Scenario {
-    child: Child,
-    began: SystemTime,
-    started: Instant,
-    messages: Receiver<Message<'static>>,
-    complaints: Option<JoinHandle<String>>,
-    /// Memory that the process may use, in MiB.
-    max_memory: u64,
+/// Runs scenarios in separate processes. After a scenario, its process is used for further scenarios if it is as it was
+/// before ([`super::scenario`]). Dropping this value kills the processes.
+#[derive(Default)]
+pub(crate) struct Workers {
+    /// Processes that wait for a scenario, each with the thread that has started it. A process ends with this thread, so
+    /// another thread must not use it.
+    idle: Mutex<Vec<(ThreadId, Worker)>>,
+    started: AtomicUsize,
 }
 
-impl Scenario {
-    fn start(file: &Path, setting: &RunOptions) -> Result<Self, CliError> {
+impl Workers {
+    /// Runs a scenario. Ends it early when `stop` returns true. Passes its sections and its output to `heard`.
+    pub(crate) fn run(
+        &self,
+        file: &Path,
+        setting: &RunOptions,
+        stop: impl Fn() -> bool,
+        heard: impl Fn(&Moment<'_>),
+    ) -> Report {
+        let (began, started) = (SystemTime::now(), Instant::now());
+        let mut report = match self.worker(file, setting) {
+            Ok(worker) => {
+                let run = Run { file, setting, began, started };
+                let (report, worker) = run.watch(worker, stop, heard);
+                self.lock().extend(worker.map(|worker| (thread::current().id(), worker)));
+                report
+            }
+            Err(error) => died(file, &error.to_string()),
+        };
+        if !setting.allow_empty {
+            report.refuse_empty();
+        }
+        report
+    }
+
+    /// Returns the number of processes that were started.
+    pub(crate) fn started(&self) -> usize {
+        self.started.load(Ordering::Relaxed)
+    }
+
+    /// Returns a process that runs this scenario.
+    fn worker(&self, file: &Path, setting: &RunOptions) -> Result<Worker, CliError> {
+        // A scenario from the standard input needs its own standard input, and an attached scenario is a client that
+        // leaves the instance with its process.
+        let is_alone = is_standard(file) || setting.attach.is_some();
+        let idle = if is_alone { None } else { self.take_idle() };
+        if let Some(mut worker) = idle
+            && worker.begin(file).is_ok()
+        {
+            return Ok(worker);
+        }
+        self.started.fetch_add(1, Ordering::Relaxed);
+        if is_alone {
+            return Worker::start(Some(file), setting);
+        }
+        let mut worker = Worker::start(None, setting)?;
+        worker.begin(file).map_err(|reason| CliError::Process { reason })?;
+        Ok(worker)
+    }
+
+    fn take_idle(&self) -> Option<Worker> {
+        let own = thread::current().id();
+        let mut idle = self.lock();
+        let place = idle.iter().position(|(thread, _)| *thread == own)?;
+        let (_, mut worker) = idle.swap_remove(place);
+        worker.is_running().then_some(worker)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<(ThreadId, Worker)>> {
+        // A thread that panics leaves the list complete.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A process that runs scenarios one after the other. Dropping this value kills the process.
+struct Worker {
+    child: Child,
+    /// Files of scenarios for the process; `None` if the process runs a single scenario.
+    files: Option<ChildStdin>,
+    messages: Receiver<Message<'static>>,
+    complaints: Option<JoinHandle<String>>,
+}
+
+impl Worker {
+    /// Starts a process, for a single scenario if `file` is given.
+    fn start(file: Option<&Path>, setting: &RunOptions) -> Result<Self, CliError> {
         let failed = |reason| CliError::Process { reason };
         let LimitArgs { max_operations, max_time, max_real_time, max_memory } = setting.limits;
         let mut command = command("test-scenario")?;
@@ -97,22 +154,29 @@ impl Scenario {
         if let Some(dir) = &setting.device {
             command.arg("--device").arg(dir);
         }
-        command.arg("--").arg(file).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let script = match is_standard(file) {
-            true => {
+        match file {
+            Some(file) => command.arg("--").arg(file),
+            None => command.arg("--several").stdin(Stdio::piped()),
+        };
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let script = match file {
+            Some(file) if is_standard(file) => {
                 command.stdin(Stdio::piped());
                 input_file::read_bytes(file, input_file::LONGEST_SCRIPT).map_err(failed)?
             }
-            false => Vec::new(),
+            _ => Vec::new(),
         };
         let (send, messages) = mpsc::channel();
-        let (began, started) = (SystemTime::now(), Instant::now());
         let child = command.spawn().map_err(failed)?;
-        let mut this = Self { child, began, started, messages, complaints: None, max_memory };
-        if let Some(mut input) = this.child.stdin.take() {
-            // The longest script fits into the buffer of the pipe, so this write does not block. An error is ignored:
-            // it means that the process has ended, which a later step reports.
-            let _ = input.write_all(&script);
+        let mut this = Self { child, files: None, messages, complaints: None };
+        match (file, this.child.stdin.take()) {
+            (None, input) => this.files = input,
+            (Some(_), Some(mut input)) => {
+                // The longest script fits into the buffer of the pipe, so this write does not block. An error is
+                // ignored: it means that the process has ended, which a later step reports.
+                let _ = input.write_all(&script);
+            }
+            _ => {}
         }
         let (out, err) = (this.child.stdout.take(), this.child.stderr.take());
         let thread = || std::thread::Builder::new();
@@ -129,49 +193,16 @@ impl Scenario {
         Ok(this)
     }
 
-    /// Receives messages until the process has ended or must be ended.
-    fn watch(
-        mut self,
-        file: &Path,
-        max_real_us: u64,
-        stop: impl Fn() -> bool,
-        heard: impl Fn(&Moment<'_>),
-    ) -> Report {
-        let longest = Duration::from_micros(max_real_us).saturating_add(GRACE);
-        let (mut printed, mut ended, mut killed) = (String::new(), None, None);
-        loop {
-            match self.messages.recv_timeout(POLL) {
-                Ok(Message::Printed(text)) => {
-                    heard(&Moment::Prints(&text));
-                    printed.push_str(&text);
-                }
-                Ok(Message::Section { name, time_us }) => heard(&Moment::Section { name: &name, time_us }),
-                Ok(Message::Ended(report)) => ended = Some(report),
-                Err(RecvTimeoutError::Disconnected) => break,
-                Err(RecvTimeoutError::Timeout) if killed.is_some() => {}
-                Err(RecvTimeoutError::Timeout) if stop() => killed = Some("interrupted".to_owned()),
-                Err(RecvTimeoutError::Timeout) if self.started.elapsed() > longest => {
-                    killed = Some(format!(
-                        "killed: after {} of real time (--max-real-time) it was still at the same step",
-                        short(max_real_us)
-                    ));
-                }
-                Err(RecvTimeoutError::Timeout) => continue,
-            }
-            if killed.is_some() {
-                // The process may have ended by itself.
-                let _ = self.child.kill();
-            }
-        }
-        let status = self.end();
-        let (started, took) = (self.began, self.started.elapsed());
-        match ended {
-            Some(report) => Report { file: file.to_owned(), printed, ..*report },
-            None => {
-                let why = killed.unwrap_or_else(|| died_of(&status, &self.complaints(), self.max_memory));
-                Report { printed, started, took, ..died(file, &why) }
-            }
-        }
+    /// Lets the process run another scenario.
+    fn begin(&mut self, file: &Path) -> io::Result<()> {
+        let Some(files) = &mut self.files else { return Ok(()) };
+        let mut name = file.as_os_str().as_encoded_bytes().to_vec();
+        name.push(END_OF_NAME);
+        files.write_all(&name)
+    }
+
+    fn is_running(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
     }
 
     /// Waits for the end of the process, which has already closed its output.
@@ -194,7 +225,7 @@ impl Scenario {
     }
 }
 
-impl Drop for Scenario {
+impl Drop for Worker {
     fn drop(&mut self) {
         // The results are ignored: `kill` and `wait` fail if the process has ended already, which is the usual case.
         let _ = self.child.kill();
@@ -202,11 +233,72 @@ impl Drop for Scenario {
     }
 }
 
+/// The run of a scenario in a process.
+struct Run<'a> {
+    file: &'a Path,
+    setting: &'a RunOptions,
+    began: SystemTime,
+    started: Instant,
+}
+
+impl Run<'_> {
+    /// Receives messages until the scenario has ended or must be ended. Also returns the process, if it can run another
+    /// scenario.
+    fn watch(
+        self,
+        mut worker: Worker,
+        stop: impl Fn() -> bool,
+        heard: impl Fn(&Moment<'_>),
+    ) -> (Report, Option<Worker>) {
+        let LimitArgs { max_real_time, max_memory, .. } = self.setting.limits;
+        let longest = Duration::from_micros(max_real_time).saturating_add(GRACE);
+        let (mut printed, mut ended, mut killed) = (String::new(), None, None);
+        let is_ready = loop {
+            match worker.messages.recv_timeout(POLL) {
+                Ok(Message::Printed(text)) => {
+                    heard(&Moment::Prints(&text));
+                    printed.push_str(&text);
+                }
+                Ok(Message::Section { name, time_us }) => heard(&Moment::Section { name: &name, time_us }),
+                Ok(Message::Ended(report)) => ended = Some(report),
+                Ok(Message::Ready) => break true,
+                Err(RecvTimeoutError::Disconnected) => break false,
+                Err(RecvTimeoutError::Timeout) if killed.is_some() => {}
+                Err(RecvTimeoutError::Timeout) if stop() => killed = Some("interrupted".to_owned()),
+                Err(RecvTimeoutError::Timeout) if self.started.elapsed() > longest => {
+                    killed = Some(format!(
+                        "killed: after {} of real time (--max-real-time) it was still at the same step",
+                        short(max_real_time)
+                    ));
+                }
+                Err(RecvTimeoutError::Timeout) => continue,
+            }
+            if killed.is_some() {
+                // The process may have ended by itself.
+                let _ = worker.child.kill();
+            }
+        };
+        let file = self.file;
+        let is_reusable = is_ready && killed.is_none() && ended.is_some();
+        let status = if is_reusable { None } else { Some(worker.end()) };
+        let report = match ended {
+            Some(report) => Report { file: file.to_owned(), printed, ..*report },
+            None => {
+                let why =
+                    killed.unwrap_or_else(|| died_of(status.as_ref(), &worker.complaints(), max_memory));
+                Report { printed, started: self.began, took: self.started.elapsed(), ..died(file, &why) }
+            }
+        };
+        (report, is_reusable.then_some(worker))
+    }
+}
+
 /// Explains why a process sent no result.
-fn died_of(status: &io::Result<ExitStatus>, complaints: &str, max_memory: u64) -> String {
+fn died_of(status: Option<&io::Result<ExitStatus>>, complaints: &str, max_memory: u64) -> String {
     let status = match status {
-        Ok(status) => status.to_string(),
-        Err(reason) => reason.to_string(),
+        Some(Ok(status)) => status.to_string(),
+        Some(Err(reason)) => reason.to_string(),
+        None => "it still runs".to_owned(),
     };
     let mut lines: String = complaints.lines().map(|line| format!("\n  {line}")).collect();
     // The standard library prints this text before it ends the process.
@@ -228,11 +320,40 @@ fn read_messages(out: impl Read) -> impl Iterator<Item = Message<'static>> {
     })
 }
 
-/// Returns the beginning of the error output of a process. Reads and discards the rest, so that the process does not
-/// block.
-fn read_complaints(mut err: impl Read) -> String {
+/// Returns the beginning of the error output of a process during its last scenario. Reads and discards the rest, so that
+/// the process does not block.
+fn read_complaints(err: impl Read) -> String {
+    let mut err = BufReader::new(err);
     let mut text = Vec::new();
-    let _ = err.by_ref().take(COMPLAINTS as u64).read_to_end(&mut text);
-    let _ = io::copy(&mut err, &mut io::sink());
+    while let Ok(bytes) = err.fill_buf()
+        && !bytes.is_empty()
+    {
+        let length = bytes.len();
+        let own = match bytes.iter().rposition(|byte| *byte == BEGIN_OF_COMPLAINTS) {
+            Some(place) => {
+                text.clear();
+                bytes.get(place + 1..).unwrap_or_default()
+            }
+            None => bytes,
+        };
+        text.extend(own.iter().take(COMPLAINTS - text.len()));
+        err.consume(length);
+    }
     String::from_utf8_lossy(&text).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn complaints_are_those_of_the_last_scenario() {
+        let complaints = |bytes: &[u8]| read_complaints(bytes);
+        assert_eq!(complaints(b"\0"), "");
+        assert_eq!(complaints(b"\0first\n\0second\n"), "second\n");
+        assert_eq!(complaints(b"without a beginning"), "without a beginning");
+        let long =
+            [vec![BEGIN_OF_COMPLAINTS], vec![b'a'; 100_000], vec![BEGIN_OF_COMPLAINTS], vec![b'b'; 50_000]];
+        assert_eq!(complaints(&long.concat()), "b".repeat(COMPLAINTS));
+    }
 }

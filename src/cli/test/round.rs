@@ -1,9 +1,10 @@
 //! Runs scenarios, several at the same time.
 
 use super::events::Moment;
-use super::process::{self, RunOptions};
+use super::process::{RunOptions, Workers};
 use super::progress::Progress;
 use crate::cli::error::CliError;
+use crate::cli::output;
 use crate::script::{Outcome, Report};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -37,6 +38,7 @@ impl Round {
         let jobs = jobs.map_or(1, NonZero::get).min(files.len());
         let failed = AtomicBool::new(false);
         let progress = Progress::of(files.len());
+        let workers = Workers::default();
         let run_one = |file: &Path| {
             if stop() {
                 return not_run(file, "interrupted");
@@ -46,7 +48,7 @@ impl Round {
             }
             progress.begins(file);
             heard(file, &Moment::Begins);
-            let report = process::run(file, &self.setting, stop, |moment| heard(file, moment));
+            let report = workers.run(file, &self.setting, stop, |moment| heard(file, moment));
             failed.fetch_or(!report.outcome.is_fine(), Ordering::Relaxed);
             report
         };
@@ -85,8 +87,12 @@ impl Round {
                     progress.aside(|| take(report));
                 }
             }
-            Ok(())
-        })
+            Ok::<_, CliError>(())
+        })?;
+        if output::is_verbose() {
+            output::note(&format!("processes of scenarios: {}", workers.started()));
+        }
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Checks whether a process may have the memory that it needs.
 
+use crate::memory::process::read_kernel_file;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use std::fs;
 
 /// Kernel file with the sizes of this process's memory.
 const STATUS: &str = "/proc/self/status";
@@ -34,8 +34,11 @@ pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
         [(Resource::Data, "VmData:", "data", "-d"), (Resource::As, "VmSize:", "address space", "-v")];
     for (resource, line, what, option) in memories {
         let Rlimit { current, maximum } = getrlimit(resource);
+        let Some(most) = current else { continue };
         let needed = used(line).saturating_add(more);
-        let Some(most) = current.filter(|current| *current < needed) else { continue };
+        if most >= needed {
+            continue;
+        }
         let can_be_raised = maximum.is_none_or(|maximum| maximum >= needed);
         if !can_be_raised || setrlimit(resource, Rlimit { current: maximum, maximum }).is_err() {
             return Err(MemoryLimit { what, option, needed: needed.saturating_add(SPREAD), most });
@@ -55,9 +58,16 @@ pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 
+/// Returns the memory in bytes that counts for the limit `ulimit -d` of this process.
+#[cfg(feature = "cli")]
+pub(crate) fn data_in_use() -> u64 {
+    used("VmData:")
+}
+
 /// Returns the number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
 fn used(name: &str) -> u64 {
-    let status = fs::read_to_string(STATUS).unwrap_or_default();
+    let status = read_kernel_file(STATUS).unwrap_or_default();
+    let status = String::from_utf8_lossy(&status);
     let size = status.lines().find_map(|line| line.strip_prefix(name));
     let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
     kib.unwrap_or(0_u64).saturating_mul(1024)

@@ -41,7 +41,7 @@ fn no_sleep() -> Fallible<()> {
 }
 
 /// True if there is a verb with `count` arguments that accepts all types.
-fn takes_all(verbs: &[Verb], count: usize) -> bool {
+fn takes_all(verbs: &[&Verb], count: usize) -> bool {
     let any = |verb: &Verb| verb.parameters.iter().all(|(_, ty)| *ty == "?");
     verbs.iter().any(|verb| verb.parameters.len() == count && any(verb))
 }
@@ -49,7 +49,7 @@ fn takes_all(verbs: &[Verb], count: usize) -> bool {
 /// Error with the right call.
 fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     let verbs = verb::called(name);
-    let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
+    let signatures = signatures(&verbs);
     let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
     // If several verbs have the given number of arguments, the message names the verb with the most fitting arguments.
     let misfits = of_so_many.filter_map(|verb| {
@@ -66,9 +66,13 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     ScenarioError::argument(name, &right)
 }
 
+fn signatures(verbs: &[&Verb]) -> String {
+    verbs.iter().map(|verb| verb.signature()).collect::<Vec<_>>().join(" or ")
+}
+
 /// Returns the error that no verb of this name has the given number of arguments.
-pub(in crate::script) fn wrong_count(verbs: &[Verb], name: &str, count: usize) -> ScenarioError {
-    let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
+pub(in crate::script) fn wrong_count(verbs: &[&Verb], name: &str, count: usize) -> ScenarioError {
+    let signatures = signatures(verbs);
     ScenarioError::argument(name, &format!("{count} arguments are given; write {signatures}"))
 }
 
