@@ -93,6 +93,8 @@ pub(super) struct Domain {
     tag: String,
     prefix: String,
     config: Config,
+    /// True if this process has chosen the prefix.
+    is_new: bool,
 }
 
 impl Domain {
@@ -110,16 +112,16 @@ impl Domain {
         };
         let (directory, held) = passage::own(create, wait)?;
         let tag = tag(instance, &canonical(root)?);
-        let prefix = match prefix(&directory, &tag) {
-            Some(prefix) => prefix,
+        let (prefix, is_new) = match prefix(&directory, &tag) {
+            Some(prefix) => (prefix, false),
             None => {
                 // The directory of a killed run may be missing, so the objects of that run are found by the
                 // beginning of their names.
                 shm::remove(&tag);
-                new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
+                (new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?, true)
             }
         };
-        Ok((Self::new(directory, tag, prefix)?, held))
+        Ok((Self { is_new, ..Self::new(directory, tag, prefix)? }, held))
     }
 
     /// Returns the domain of `instance` in `root`; `None` if there is none.
@@ -142,7 +144,12 @@ impl Domain {
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        Ok(Self { root, tag, prefix, config })
+        Ok(Self { root, tag, prefix, config, is_new: false })
+    }
+
+    /// True if this process has chosen the prefix, so that no other process uses objects of the domain.
+    pub(crate) fn is_new(&self) -> bool {
+        self.is_new
     }
 
     /// Gives the domain a new prefix. Only for the owner: clients that are still connected lose their connection.
@@ -150,7 +157,7 @@ impl Domain {
         self.sweep();
         let prefix =
             new_prefix(&self.root, &self.tag).map_err(|source| io_error(self.root.path(), source))?;
-        Self::new(self.root, self.tag, prefix)
+        Ok(Self { is_new: true, ..Self::new(self.root, self.tag, prefix)? })
     }
 
     /// Creates a separate node for one side of the channel.
@@ -203,19 +210,15 @@ impl Domain {
     }
 
     /// Creates the owner's node. iceoryx2 makes one file accessible to every user: the counter of the nodes
-    /// with this prefix. This function replaces the file by a private copy before any client uses it.
+    /// with this prefix. This function replaces the file by a private copy before any client uses it. The node has
+    /// already got its number from the counter, and does not use the file any more.
     pub(crate) fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
         let node = self.node()?;
-        match shm::make_private(&self.prefix) {
-            Ok(false) => return Ok(node),
-            Ok(true) => {}
-            Err(reason) => {
-                tracing::debug!(?reason, "the node counter cannot be made private");
-                return Err(NodeCreationFailure::InsufficientPermissions);
-            }
-        }
-        drop(node);
-        self.node()
+        shm::make_private(&self.prefix).map_err(|reason| {
+            tracing::debug!(?reason, "the node counter cannot be made private");
+            NodeCreationFailure::InsufficientPermissions
+        })?;
+        Ok(node)
     }
 
     /// Announces that the server, which is this process, is ready. Clients enter the domain only after the
@@ -542,6 +545,13 @@ mod tests {
         let root = TempDir::new().unwrap();
         let (domain, _held) = Domain::own("a", root.path()).unwrap();
         let node = domain.owners_node().unwrap();
+        // The node uses no counter that other users may have open.
+        let open = std::fs::read_dir("/proc/self/fd").unwrap().flatten();
+        let open: Vec<_> = open.filter_map(|file| std::fs::read_link(file.path()).ok()).collect();
+        let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+        let is_counter = |path: &str| path.contains(&domain.prefix) && path.contains("global_mgmt");
+        assert!(!maps.lines().any(is_counter), "{maps}");
+        assert!(!open.iter().any(|path| is_counter(&path.to_string_lossy())), "{open:?}");
         let client = Guest::enter(domain.clone()).unwrap();
         let objects: Vec<_> = shm::objects(&domain.prefix).collect();
         assert!(!objects.is_empty());

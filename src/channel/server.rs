@@ -84,7 +84,7 @@ impl Server {
             return Err(OpenFailure::AlreadyServed.into_error(instance));
         }
         domain.withdraw();
-        if !in_use {
+        if !in_use && !domain.is_new() {
             domain = domain.renew()?;
         }
         let opened = Self::move_in(instance, domain, bells);

@@ -139,7 +139,8 @@ impl Settings {
         if let Some(mib) = self.keep_states {
             emulator.keep_states((mib as usize) << 20);
         }
-        if let Some(count) = NonZero::new(usize::from(self.threads)) {
+        // A plant begins with one core.
+        if let Some(count) = NonZero::new(usize::from(self.threads)).filter(|count| count.get() > 1) {
             emulator.set_cores(count);
         }
         let names = emulator.plant().names();

@@ -68,9 +68,13 @@ impl From<OpenOrCreateError> for OpenFailure {
 
 /// Creates the ports of the instance, on a separate node.
 pub(super) fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service<Ipc>, Port), OpenFailure> {
-    domain.remove_half_made();
+    if !domain.is_new() {
+        domain.remove_half_made();
+    }
     let node = domain.owners_node().map_err(OpenFailure::Node)?;
-    domain.clean_up_after_the_dead(&node);
+    if !domain.is_new() {
+        domain.clean_up_after_the_dead(&node);
+    }
     let builder = Domain::service(&node).ok_or_else(|| OpenFailure::Other(instance.to_owned()))?;
     let service = builder.open_or_create()?;
     let port = service
