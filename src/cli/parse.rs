@@ -198,11 +198,17 @@ mod tests {
     #[test]
     fn the_parser_of_one_command_equals_its_part_of_the_parser_of_all() {
         let all = command();
-        let options = |command: &Command| format!("{:?}", command.get_arguments().collect::<Vec<_>>());
+        // The order in the help depends on the other commands. The parser of one command shows no help.
+        let shown = |command: &Command| format!("{:?}", command.clone().display_order(0));
+        let options = |command: &Command| {
+            let options =
+                command.get_arguments().map(|option| format!("{:?}", option.clone().display_order(0)));
+            options.collect::<Vec<_>>()
+        };
         for inner in all.get_subcommands() {
             for name in [inner.get_name()].into_iter().chain(inner.get_all_aliases()) {
                 let one = command_line_of(name).unwrap();
-                assert_eq!(format!("{:?}", one.find_subcommand(name).unwrap()), format!("{inner:?}"));
+                assert_eq!(shown(one.find_subcommand(name).unwrap()), shown(inner));
                 assert_eq!(one.get_subcommands().count(), 1, "{name}");
                 assert_eq!(options(&one), options(&all), "{name}");
             }
