@@ -273,7 +273,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             }
         }
         Act::Guest { bus, id } => {
-            let bus = BusIndex::at(bus % plant.buses().len());
+            let Some(bus) = bus.checked_rem(plant.buses().len()).map(BusIndex::at) else { return };
             plant.guest_joins(bus, 3, true);
             let frame = Frame::standard(id, Payload::new(&id.to_le_bytes()).unwrap());
             let _ = plant.guest_sends(bus, 3, &BusMessage::Frame(frame));
