@@ -95,7 +95,7 @@ pub mod layout;
 pub mod memory;
 #[cfg(feature = "cli")]
 mod output_file;
-#[cfg(feature = "emulator")]
+#[cfg(any(test, feature = "emulator", feature = "export"))]
 mod plain_text;
 #[cfg(feature = "emulator")]
 pub mod plant;

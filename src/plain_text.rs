@@ -11,6 +11,7 @@ pub(crate) fn is_interpreted(sign: char) -> bool {
 }
 
 /// Returns the text with a blank in place of each interpreted character.
+#[cfg(any(test, feature = "emulator"))]
 pub(crate) fn without_interpreted(text: &str) -> String {
     text.replace(is_interpreted, " ")
 }
