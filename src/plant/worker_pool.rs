@@ -35,7 +35,7 @@ impl WorkerPool {
     pub(super) fn of(count: usize) -> Self {
         // With fewer processors than threads, a polling thread would occupy the processor that a working
         // thread needs.
-        let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);
+        let is_room = count > 0 && available_parallelism().is_ok_and(|processors| processors.get() > count);
         let looks = if is_room { LOOKS } else { Duration::ZERO };
         let start = |_| {
             let (work, works) = mpsc::channel::<Work>();
