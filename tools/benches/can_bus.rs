@@ -124,5 +124,10 @@ fn can_bus(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, can_bus);
+criterion_group! {
+    name = benches;
+    // Plots need a font of the system.
+    config = Criterion::default().without_plots();
+    targets = can_bus
+}
 criterion_main!(benches);

@@ -116,5 +116,10 @@ fn clusters(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, clusters);
+criterion_group! {
+    name = benches;
+    // Plots need a font of the system.
+    config = Criterion::default().without_plots();
+    targets = clusters
+}
 criterion_main!(benches);

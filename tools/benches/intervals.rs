@@ -94,5 +94,10 @@ fn snapshots(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, intervals, parts, rest, snapshots);
+criterion_group! {
+    name = benches;
+    // Plots need a font of the system.
+    config = Criterion::default().without_plots();
+    targets = intervals, parts, rest, snapshots
+}
 criterion_main!(benches);

@@ -23,7 +23,8 @@ fn main() {
         play(&role);
         return;
     }
-    let mut criterion = Criterion::default().configure_from_args();
+    // Plots need a font of the system.
+    let mut criterion = Criterion::default().without_plots().configure_from_args();
     let outcomes = [
         handshake::doorbell(&mut criterion),
         handshake::busy(&mut criterion),
