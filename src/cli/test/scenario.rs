@@ -11,6 +11,7 @@ use crate::cli::demo::end_with;
 use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::devices::folder;
+use crate::devices::folder::edited::allow_further_folders;
 use crate::memory::limits::space;
 use crate::plant::PlantConfig;
 use crate::script::{Bench, Limits, Outcome, Report, run_observed, with_stack};
@@ -93,6 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let kept = before.memory.saturating_sub(first.memory);
             let current = limits.current.map(|most| most.saturating_add(kept));
             set_limits(Resource::Data, Rlimit { current, ..limits })?;
+            allow_further_folders();
             begin_complaints();
             play(args, &file)?;
             let is_ready = Resources::now().map_err(process_error)?.is_like(first);

@@ -5,7 +5,8 @@
 
 use super::script::Script;
 use super::{
-    FolderError, SCRIPT, check_limits, check_names, fingerprint, handshakes, loaded, state_word, texts,
+    FolderError, MOST_FOLDERS, SCRIPT, check_limits, check_names, fingerprint, handshakes, loaded,
+    state_word, texts,
 };
 use crate::layout::DeviceLayout;
 use std::collections::BTreeMap;
@@ -19,6 +20,14 @@ const MOST_FOR_LONG: usize = 4096;
 /// each change, and each state counts.
 pub(crate) fn allow_many_folders() {
     loaded().most = MOST_FOR_LONG;
+}
+
+/// Allows this process to read [`MOST_FOLDERS`] folders in addition to those that it has read. A process of several scenarios
+/// calls this function before each scenario, so that the folders of one do not count for the next.
+pub(crate) fn allow_further_folders() {
+    let mut loaded = loaded();
+    let longest = loaded.lengths().into_iter().fold(loaded.in_slots.len(), usize::max);
+    loaded.most = longest + MOST_FOLDERS;
 }
 
 /// Checks the layout in `dir`. `edits` has texts that replace the contents of files; the keys are the paths

@@ -167,11 +167,15 @@ impl Loaded {
 
     /// Checks that another folder can be read.
     fn has_room(&self, dir: &Path) -> Result<(), FolderError> {
-        let lengths = [self.tables.len(), self.folders.len(), self.registers.len(), self.faults.len()];
-        if lengths.into_iter().all(|length| length < self.most) {
+        if self.lengths().into_iter().all(|length| length < self.most) {
             return Ok(());
         }
         Err(FolderError::TooManyFolders { dir: dir.to_owned(), most: self.most })
+    }
+
+    /// Returns the numbers that `most` limits for each folder.
+    fn lengths(&self) -> [usize; 4] {
+        [self.tables.len(), self.folders.len(), self.registers.len(), self.faults.len()]
     }
 }
 

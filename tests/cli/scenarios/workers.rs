@@ -93,6 +93,52 @@ fn the_memory_of_a_scenario_does_not_count_for_the_next_one() {
     assert!(outcome.out.contains("than the 64 MiB of --max-memory"), "{}", outcome.out);
 }
 
+/// A process reads at most 128 different folders of devices. This limit applies to each scenario, too.
+#[test]
+fn the_folders_of_a_scenario_do_not_count_for_the_next_one() {
+    const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
+    let scripts = Scripts::new(&[]);
+    let directory = scripts.0.path();
+    let folders = |first: usize, count: usize| {
+        let mut plant = String::new();
+        for number in first..first + count {
+            let card = directory.join(format!("card{number}"));
+            std::fs::create_dir(&card).unwrap();
+            for entry in std::fs::read_dir(EXAMPLE).unwrap().map(Result::unwrap) {
+                if entry.path().is_file() {
+                    std::fs::copy(entry.path(), card.join(entry.file_name())).unwrap();
+                }
+            }
+            // Folders with equal files count once.
+            let tables = card.join("handshakes.toml");
+            let text = std::fs::read_to_string(&tables).unwrap();
+            std::fs::write(&tables, format!("{text}# {number}\n")).unwrap();
+            plant += &format!("[[device]]\nkind = './card{number}'\nname = 'card{number}'\n");
+        }
+        format!("plant(`{plant}`);\nstep(\"1ms\");\nexpect_that(now() == 1000, \"it runs\");")
+    };
+    for (name, first, count) in [("1.rhai", 0, 70), ("2.rhai", 70, 70), ("3.rhai", 140, 129)] {
+        std::fs::write(directory.join(name), folders(first, count)).unwrap();
+    }
+    let outcome = scripts.run(&[
+        "-v",
+        "1.rhai",
+        "2.rhai",
+        "3.rhai",
+        "--jobs",
+        "1",
+        "--format",
+        "json",
+        "--max-memory",
+        "1024",
+    ]);
+    let reports = reports(&outcome);
+    let outcomes: Vec<_> = reports.iter().map(|report| &report["outcome"]).collect();
+    assert_eq!(outcomes, ["passed", "passed", "broken"], "{outcome:?}");
+    assert_eq!(processes(&outcome), 1);
+    assert!(outcome.out.contains("folders of devices"), "{}", outcome.out);
+}
+
 #[test]
 fn a_killed_process_is_replaced() {
     let scripts = Scripts::new(&[("1-good.rhai", GOOD), ("3-good.rhai", GOOD)]);
