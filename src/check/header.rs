@@ -92,15 +92,16 @@ impl SnapshotFields for HeaderWatch {
 
 impl HeaderWatch {
     pub(crate) fn new(plc: DeviceIndex, segment: &Segment) -> Result<Self, MemoryError> {
-        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: Baseline::new(WORDS) };
-        watch.leave();
+        let mut watch =
+            HeaderWatch { plc, now: segment.header_words()?, left: Baseline::new(segment, 0, WORDS) };
+        watch.left.copy(&*watch.now);
         Ok(watch)
     }
 
     /// Stores the present page as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
-        self.left.copy(&*self.now);
+        self.left.copy_marked(&*self.now);
     }
 
     /// Stores the emulated time in the baseline. The time advances even when the firmware has nothing to do.

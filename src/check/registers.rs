@@ -11,7 +11,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::{Finding, Journal};
 use crate::layout::place::status_of;
 use crate::layout::{Area, DeviceLayout, RegisterPhase, RegisterRef};
-use crate::memory::{Block, Cell64, MemoryError, Segment, View};
+use crate::memory::{Block, Cell64, LINE, LineMarks, MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::ops::Range;
 use core::slice;
@@ -59,9 +59,41 @@ struct Run {
     left: Block,
     /// Mask of the bits that are compared.
     watched: Block,
+    /// Marks of the stores to these words; `None` if they have no marks, or another reader.
+    marks: Option<LineMarks>,
 }
 
 impl Run {
+    /// Number of lines of a run.
+    const LINES: usize = size_of::<Block>() / LINE;
+
+    /// Returns the marks, if all stores are marked.
+    #[inline]
+    fn marks(&self) -> Option<&LineMarks> {
+        self.marks.as_ref().filter(|marks| marks.are_complete())
+    }
+
+    /// True if a watched bit was changed after the last check.
+    #[inline]
+    fn differs(&self) -> bool {
+        let is_stored = self.marks().is_none_or(|marks| marks.marked(Self::LINES).next().is_some());
+        let [left, watched] = [&self.left, &self.watched].map(slice::from_ref);
+        is_stored && Block::differ_in(left, slice::from_ref(&*self.now), watched)
+    }
+
+    /// Stores the present values as those of the last check.
+    #[inline]
+    fn leave(&mut self) {
+        let mut is_stored = true;
+        if let Some(marks) = self.marks() {
+            is_stored = false;
+            marks.take(Self::LINES, |_| is_stored = true);
+        }
+        if is_stored {
+            Block::load(slice::from_mut(&mut self.left), slice::from_ref(&*self.now));
+        }
+    }
+
     /// Returns the index of the word that contains this offset; `None` if the word is in another run.
     fn index_of(&self, offset: u32) -> Option<usize> {
         let index = (offset.checked_sub(self.first)? / WORD) as usize;
@@ -74,8 +106,10 @@ impl Run {
         (self.watched.words()[index] & mask(register) != 0).then_some(index)
     }
 
-    /// Returns the values after the last check of the words that contain a watched register.
+    /// Returns the values after the last check of the words that contain a watched register, for changes to values that
+    /// may differ from the registers.
     fn left_mut(&mut self) -> impl Iterator<Item = &mut u64> {
+        self.marks.iter().for_each(LineMarks::mark_all);
         let words = self.left.words_mut().iter_mut().zip(self.watched.words());
         words.filter(|(_, watched)| **watched != 0).map(|(left, _)| left)
     }
@@ -155,7 +189,11 @@ impl RegisterWatch {
             if runs.last().is_none_or(|run| run.index_of(register.offset()).is_none()) {
                 let (first, now) = segment.block(register.offset())?;
                 let [left, watched] = [Block::new([0; Block::WORDS]); 2];
-                runs.push(Run { first, now, left, watched });
+                let is_aligned = (first as usize).is_multiple_of(LINE);
+                let bytes = first as usize..first as usize + size_of::<Block>();
+                let marks = segment.line_marks(bytes).filter(|_| is_aligned);
+                marks.iter().for_each(LineMarks::mark_all);
+                runs.push(Run { first, now, left, watched, marks });
             }
             if let Some(run) = runs.last_mut()
                 && let Some(index) = run.index_of(register.offset())
@@ -171,19 +209,13 @@ impl RegisterWatch {
     /// Stores the present registers as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
-        for run in &mut self.runs {
-            Block::load(slice::from_mut(&mut run.left), slice::from_ref(&*run.now));
-        }
+        self.runs.iter_mut().for_each(Run::leave);
     }
 
     /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
-        let differs = |run: &Run| {
-            let [left, watched] = [&run.left, &run.watched].map(slice::from_ref);
-            Block::differ_in(left, slice::from_ref(&*run.now), watched)
-        };
-        if self.runs.iter().any(differs) {
+        if self.runs.iter().any(Run::differs) {
             self.report(now, journal);
         }
     }

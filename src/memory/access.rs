@@ -46,6 +46,34 @@ pub(super) trait MemoryValue: Copy + Eq {
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
+/// Stores (Release), and marks the line (see `marks`).
+///
+/// # Safety
+/// See [`MemoryValue::store`].
+#[inline(always)]
+pub(super) unsafe fn store<T: MemoryValue>(at: *mut T, value: T) {
+    // SAFETY: the caller guarantees that the pointer is valid.
+    unsafe { T::store(at, value) };
+    #[cfg(feature = "emulator")]
+    super::marks::mark(at.addr());
+}
+
+/// Stores `new` if the memory holds `current`, like [`MemoryValue::compare_exchange`], and marks the line.
+///
+/// # Errors
+/// The value of the memory, if it is not `current`.
+///
+/// # Safety
+/// See [`MemoryValue::store`].
+#[inline(always)]
+pub(super) unsafe fn compare_exchange<T: MemoryValue>(at: *mut T, current: T, new: T) -> Result<T, T> {
+    // SAFETY: the caller guarantees that the pointer is valid.
+    let old = unsafe { T::compare_exchange(at, current, new) }?;
+    #[cfg(feature = "emulator")]
+    super::marks::mark(at.addr());
+    Ok(old)
+}
+
 /// Loads consecutive 32-bit words into private memory, each with a separate load.
 ///
 /// # Safety

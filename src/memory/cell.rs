@@ -8,7 +8,7 @@
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no further fences: a
 //! reader that sees the control register also sees the data written before it.
 
-use super::access::MemoryValue;
+use super::access::{self, MemoryValue};
 use core::cell::UnsafeCell;
 use core::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
@@ -52,7 +52,7 @@ macro_rules! cell {
             pub fn store(&self, value: $value) {
                 // SAFETY: as in `load`. Only `segment` has references to cells in read-only memory, and it does not
                 // store to them.
-                unsafe { MemoryValue::store(self.0.get(), value.to_le()) }
+                unsafe { access::store(self.0.get(), value.to_le()) }
             }
 
             /// Writes `new` if the register still holds `current`.
@@ -62,7 +62,7 @@ macro_rules! cell {
             #[inline]
             pub fn compare_exchange(&self, current: $value, new: $value) -> Result<$value, $value> {
                 // SAFETY: as in `store`.
-                let found = unsafe { MemoryValue::compare_exchange(self.0.get(), current.to_le(), new.to_le()) };
+                let found = unsafe { access::compare_exchange(self.0.get(), current.to_le(), new.to_le()) };
                 found.map(<$value>::from_le).map_err(<$value>::from_le)
             }
 

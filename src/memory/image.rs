@@ -87,7 +87,7 @@ impl Image {
             expected,
         })?;
         let header = segment.header()?;
-        let guard = Arc::new(Guard::new(segment.base(), segment.size(), file.file.as_raw_fd()));
+        let guard = Arc::new(Guard::new(segment.first_byte(), segment.size(), file.file.as_raw_fd()));
         Ok(Self { guard, file: Arc::new(file), segment, header, taken_over, end: State::Stopped })
     }
 

@@ -22,6 +22,8 @@ mod instance;
 pub(crate) mod limits;
 mod list;
 mod locks;
+#[cfg(feature = "emulator")]
+mod marks;
 pub mod names;
 #[cfg(feature = "emulator")]
 mod onlookers;
@@ -63,6 +65,8 @@ pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, St
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::InstanceLock;
 pub use list::{Condition, ImageInfo, ImageSummary, instances, list};
+#[cfg(feature = "emulator")]
+pub(crate) use marks::{LINE, LineMarks};
 #[cfg(feature = "emulator")]
 pub(crate) use onlookers::{Onlookers, WakeReason, end as end_of_wait};
 #[cfg(feature = "channel")]

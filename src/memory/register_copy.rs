@@ -58,7 +58,7 @@ impl Segment {
             let (words, following) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
             // SAFETY: the block is inside the memory segment, which has a length divisible by 4, and begins at a line;
             // the memory is mapped for as long as `self` lives.
-            unsafe { load_words(self.base().add(block.start).cast(), words) };
+            unsafe { load_words(self.first_byte().add(block.start).cast(), words) };
             rest = following;
         }
     }

@@ -4,7 +4,7 @@
 //! Bells and their counters continue and are not restored, because processes may wait on them. Fields that describe the
 //! instance and its processes are not saved either.
 
-use super::access::{MemoryValue, load_words};
+use super::access::{MemoryValue, load_words, store};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
 use crate::snapshot_fields::{Damaged, Saved, Saving};
 use core::ops::Range;
@@ -51,7 +51,7 @@ impl Segment {
         let (copied, missing) = words.split_at_mut(existing.min(words.len()));
         // SAFETY: as many words as the memory segment has from here on; the start is aligned, since it is a multiple of
         // a line and the base is aligned to pages; the memory is mapped for as long as `self` lives.
-        unsafe { load_words(self.base().add(chunk.start).cast(), copied) };
+        unsafe { load_words(self.first_byte().add(chunk.start).cast(), copied) };
         missing.fill(0);
         words.as_bytes()
     }
@@ -107,10 +107,10 @@ impl Segment {
             // SAFETY: inside the memory segment, with a length that is a multiple of 4, aligned and mapped as above; a
             // memory segment with firmware is always writable.
             unsafe {
-                let to = self.base().add(at).cast_mut().cast::<u32>();
+                let to = self.first_byte().add(at).cast_mut().cast::<u32>();
                 let word = u32::from_ne_bytes(*word);
                 if u32::load(to) != word {
-                    u32::store(to, word);
+                    store(to, word);
                 }
             }
         }

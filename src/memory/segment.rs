@@ -16,12 +16,16 @@
 
 use super::header::FRONT;
 #[cfg(feature = "emulator")]
+use super::marks::{LINE, LineMarks, Slot};
+#[cfg(feature = "emulator")]
 use super::{Block, FirmwareHeader};
 use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::MemoryValue,
     cell::SharedRegs,
 };
 use crate::layout::DeviceLayout;
+#[cfg(feature = "emulator")]
+use core::ops::Range;
 use core::{fmt, ptr::NonNull};
 use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
@@ -33,7 +37,17 @@ pub(super) struct Backing {
     /// Number of accessible bytes, a multiple of 4 and at least [`HEADER_SIZE`].
     size: usize,
     writable: bool,
-    _map: MmapRaw,
+    memory: Memory,
+}
+
+/// Owner of the memory.
+enum Memory {
+    Map {
+        _map: MmapRaw,
+    },
+    /// Memory with marks of stores.
+    #[cfg(feature = "emulator")]
+    Slot(Slot),
 }
 
 // SAFETY: the pointer is used only for accesses that several threads may make at the same time, and the map to which it
@@ -47,7 +61,24 @@ impl Backing {
     fn new(map: MmapRaw, size: usize, writable: bool) -> Option<Self> {
         let size = size & !3;
         let base = NonNull::new(map.as_mut_ptr()).filter(|_| size >= HEADER_SIZE && map.len() >= size)?;
-        Some(Self { base, size, writable, _map: map })
+        Some(Self { base, size, writable, memory: Memory::Map { _map: map } })
+    }
+
+    /// Takes memory with marks of stores, if it is available.
+    #[cfg(feature = "emulator")]
+    fn marked(size: usize) -> Option<Self> {
+        let slot = Slot::take(size)?;
+        Some(Self { base: NonNull::new(slot.base())?, size, writable: true, memory: Memory::Slot(slot) })
+    }
+
+    /// Returns the slot of memory with marks of stores.
+    #[cfg(feature = "emulator")]
+    #[inline]
+    pub(super) fn slot(&self) -> Option<&Slot> {
+        match &self.memory {
+            Memory::Map { .. } => None,
+            Memory::Slot(slot) => Some(slot),
+        }
     }
 
     #[inline]
@@ -88,6 +119,10 @@ impl Segment {
     /// all of its pages. Running out of address space is fatal, as for a `Vec`.
     pub(crate) fn heap(size: usize) -> Segment {
         let size = size.max(HEADER_SIZE).next_multiple_of(4);
+        #[cfg(feature = "emulator")]
+        if let Some(backing) = Backing::marked(size) {
+            return Self::from_backing(Arc::new(backing));
+        }
         let map = MmapOptions::new().len(size).map_anon().ok();
         match map.and_then(|map| Backing::new(MmapRaw::from(map), size, true)) {
             Some(backing) => Self::from_backing(Arc::new(backing)),
@@ -111,7 +146,23 @@ impl Segment {
     /// register at its own width, expect its value to change at any time, and do not write a read-only memory segment.
     #[must_use]
     pub fn base(&self) -> *const u8 {
+        #[cfg(feature = "emulator")]
+        if let Some(slot) = self.backing.slot() {
+            slot.expose();
+        }
+        self.first_byte()
+    }
+
+    /// Returns the address of the memory, for code of this module, which marks its stores.
+    pub(super) fn first_byte(&self) -> *const u8 {
         self.backing.base.as_ptr()
+    }
+
+    /// Claims the marks of the stores to the lines of 64 bytes that these bytes touch. Returns `None` if the memory segment
+    /// has no marks, or if the bytes share a line with another reader.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn line_marks(&self, bytes: Range<usize>) -> Option<LineMarks> {
+        LineMarks::claim(&self.backing, bytes.start / LINE..bytes.end.div_ceil(LINE))
     }
 
     pub(super) fn from_backing(backing: Arc<Backing>) -> Segment {

@@ -9,7 +9,7 @@ const BLOCK: usize = 16;
 
 /// A private copy of sixteen words, in the order and byte order of the registers, to be compared with the present
 /// values.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub(crate) struct Block([u64; BLOCK]);
 
@@ -31,6 +31,12 @@ impl Block {
     #[inline]
     pub(crate) fn words_mut(&mut self) -> &mut [u64; BLOCK] {
         &mut self.0
+    }
+
+    /// Returns the words of all these blocks.
+    #[inline]
+    pub(crate) fn words_of(blocks: &mut [Block]) -> &mut [u64] {
+        bytemuck::cast_slice_mut(blocks)
     }
 
     /// Loads the values of the cells into the blocks, until the shorter slice ends.

@@ -51,6 +51,14 @@ impl Registers {
         }
     }
 
+    /// Does the same as [`Registers::copy`], but reads only words that were stored since the last call.
+    #[inline]
+    fn copy_marked(&mut self, words: usize) {
+        if let Some(now) = self.now.get(..words) {
+            self.baseline.copy_marked(now);
+        }
+    }
+
     /// Stores the last bytes of the initialization structure as the baseline. The next structure begins in
     /// the same word, so only a part of this word is stored.
     #[inline]
@@ -77,6 +85,14 @@ impl Registers {
     fn compare(&self, words: usize, changed: &mut Vec<(usize, u64)>) {
         if let Some(now) = self.now.get(..words) {
             self.baseline.compare(now, changed);
+        }
+    }
+
+    /// Does the same as [`Registers::compare`], but compares only words that were stored since the last copy.
+    #[inline]
+    fn compare_marked(&self, words: usize, changed: &mut Vec<(usize, u64)>) {
+        if let Some(now) = self.now.get(..words) {
+            self.baseline.compare_marked(now, changed);
         }
     }
 
@@ -134,7 +150,7 @@ impl NodeWatch {
         segment: &Segment,
     ) -> Result<Self, MemoryError> {
         let base = area.first;
-        let registers = Registers { now: segment.view(base)?, baseline: Baseline::new(WORDS) };
+        let registers = Registers { now: segment.view(base)?, baseline: Baseline::new(segment, base, WORDS) };
         let mut watch = NodeWatch {
             plc,
             base,
@@ -161,6 +177,10 @@ impl NodeWatch {
             self.registers.copy_end_of_init();
             return;
         }
+        if self.live == live {
+            self.registers.copy_marked(self.words());
+            return;
+        }
         // At a restart the cyclic registers beyond the initialization structure keep their values. So the
         // baseline must cover the longer one of the old and the new structure.
         let words = self.words();
@@ -173,7 +193,7 @@ impl NodeWatch {
     #[inline]
     pub(crate) fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
-        self.registers.compare(self.words(), &mut self.changed);
+        self.registers.compare_marked(self.words(), &mut self.changed);
         if !self.changed.is_empty() {
             self.judge(now, facts, journal);
         }
