@@ -1,7 +1,6 @@
 //! The words that the firmware wrote last, for comparison with the cells of the image.
 
 use crate::memory::{Block, Cell64, LINE, LineMarks, Segment};
-use core::iter::once;
 use core::ops::Range;
 
 /// Number of words of a line.
@@ -32,14 +31,20 @@ impl Baseline {
         }
     }
 
-    /// Returns the words among the first `count` words that may differ from their cells: marked lines, and words without
-    /// marks.
+    /// Returns the marks, if all stores are marked.
     #[inline]
-    fn marked(&self, count: usize) -> Option<impl Iterator<Item = Range<usize>>> {
-        let marks = self.marks.as_ref().filter(|marks| marks.are_complete())?;
+    fn marks(&self) -> Option<&LineMarks> {
+        self.marks.as_ref().filter(|marks| marks.are_complete())
+    }
+
+    /// Calls `visit` for the words among the first `count` words that may differ from their cells: words without marks, and
+    /// those of marked lines.
+    #[inline]
+    fn each_marked(&self, marks: &LineMarks, count: usize, mut visit: impl FnMut(Range<usize>)) {
         let (first, lines) = lines_within(self.unmarked, count);
-        let marked = marks.marked(lines).map(move |line| words_of(first, line));
-        Some(once(0..first).chain(marked).chain(once(first + lines * LINE_WORDS..count)))
+        visit(0..first);
+        marks.each_marked(lines, |line| visit(words_of(first, line)));
+        visit(first + lines * LINE_WORDS..count);
     }
 
     /// Word number `index`; 0 after the last one.
@@ -82,7 +87,7 @@ impl Baseline {
         let Some(marks) = self.marks.as_ref().filter(|marks| marks.are_complete()) else {
             return self.copy(now);
         };
-        let words = Block::words_of(&mut self.blocks);
+        let words = Block::words_of_mut(&mut self.blocks);
         let mut copy = |range: Range<usize>| {
             if let (Some(left), Some(now)) = (words.get_mut(range.clone()), now.get(range)) {
                 left.iter_mut().zip(now).for_each(|(left, now)| *left = now.load());
@@ -101,24 +106,26 @@ impl Baseline {
         let (left, last_block) = self.blocks.split_at(now.len().min(self.blocks.len()));
         let mut from = 0;
         while let Some(index) = Block::first_unlike(left, now, from) {
-            collect(index * Block::WORDS, left[index].words().iter().copied(), &now[index], changed);
+            collect(index * Block::WORDS, left[index].words(), &now[index], changed);
             from = index + 1;
         }
         if let Some(left) = last_block.first() {
-            collect(now.len() * Block::WORDS, left.words().iter().copied(), rest, changed);
+            collect(now.len() * Block::WORDS, left.words(), rest, changed);
         }
     }
 
     /// Does the same as [`Baseline::compare`], but compares only marked lines.
     #[inline]
     pub(crate) fn compare_marked(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
-        let Some(marked) = self.marked(now.len()) else { return self.compare(now, changed) };
-        for range in marked {
-            if let Some(now) = now.get(range.clone()) {
-                let left = range.clone().map(|index| self.word(index));
+        let Some(marks) = self.marks() else { return self.compare(now, changed) };
+        let left = Block::words_of(&self.blocks);
+        self.each_marked(marks, now.len(), |range| {
+            if let (Some(left), Some(now)) = (left.get(range.clone()), now.get(range.clone()))
+                && left.iter().zip(now).fold(0, |differs, (left, now)| differs | left ^ now.load()) != 0
+            {
                 collect(range.start, left, now, changed);
             }
-        }
+        });
         #[cfg(test)]
         {
             let mut all = Vec::new();
@@ -130,15 +137,21 @@ impl Baseline {
     /// True if any word differs in one of these bits. Compares only marked lines.
     #[inline]
     pub(crate) fn differs_in(&self, now: &[Cell64], watched: &[Block]) -> bool {
-        let Some(mut marked) = self.marked(now.len()) else {
+        let Some(marks) = self.marks() else {
             let (now, _) = now.as_chunks();
             return Block::differ_in(&self.blocks, now, watched);
         };
-        let bits = |index: usize| {
-            watched.get(index / Block::WORDS).map_or(0, |block| block.words()[index % Block::WORDS])
-        };
-        let differs = |(index, now): (usize, &Cell64)| (now.load() ^ self.word(index)) & bits(index) != 0;
-        marked.any(|range| range.clone().zip(now.get(range).unwrap_or_default()).any(differs))
+        let [left, watched] = [&self.blocks, watched].map(Block::words_of);
+        let mut differing = 0;
+        self.each_marked(marks, now.len(), |range| {
+            if let (Some(left), Some(now), Some(watched)) =
+                (left.get(range.clone()), now.get(range.clone()), watched.get(range))
+            {
+                let words = left.iter().zip(now).zip(watched);
+                differing |= words.fold(0, |all, ((left, now), watched)| all | (left ^ now.load()) & watched);
+            }
+        });
+        differing != 0
     }
 }
 
@@ -159,9 +172,9 @@ fn words_of(first: usize, line: usize) -> Range<usize> {
 
 /// Adds the words that differ. `first` is the index of the first word.
 #[inline]
-fn collect(first: usize, left: impl Iterator<Item = u64>, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
+fn collect(first: usize, left: &[u64], now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
     let words = now.iter().map(Cell64::load).zip(left).enumerate();
-    changed.extend(words.filter_map(|(index, (now, left))| (now != left).then_some((first + index, now))));
+    changed.extend(words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))));
 }
 
 #[cfg(test)]

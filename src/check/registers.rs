@@ -59,39 +59,29 @@ struct Run {
     left: Block,
     /// Mask of the bits that are compared.
     watched: Block,
-    /// Marks of the stores to these words; `None` if they have no marks, or another reader.
-    marks: Option<LineMarks>,
 }
 
 impl Run {
     /// Number of lines of a run.
     const LINES: usize = size_of::<Block>() / LINE;
 
-    /// Returns the marks, if all stores are marked.
-    #[inline]
-    fn marks(&self) -> Option<&LineMarks> {
-        self.marks.as_ref().filter(|marks| marks.are_complete())
+    /// Returns the bytes of the run.
+    fn bytes(&self) -> Range<usize> {
+        let first = self.first as usize;
+        first..first + size_of::<Block>()
     }
 
     /// True if a watched bit was changed after the last check.
     #[inline]
     fn differs(&self) -> bool {
-        let is_stored = self.marks().is_none_or(|marks| marks.marked(Self::LINES).next().is_some());
         let [left, watched] = [&self.left, &self.watched].map(slice::from_ref);
-        is_stored && Block::differ_in(left, slice::from_ref(&*self.now), watched)
+        Block::differ_in(left, slice::from_ref(&*self.now), watched)
     }
 
     /// Stores the present values as those of the last check.
     #[inline]
     fn leave(&mut self) {
-        let mut is_stored = true;
-        if let Some(marks) = self.marks() {
-            is_stored = false;
-            marks.take(Self::LINES, |_| is_stored = true);
-        }
-        if is_stored {
-            Block::load(slice::from_mut(&mut self.left), slice::from_ref(&*self.now));
-        }
+        Block::load(slice::from_mut(&mut self.left), slice::from_ref(&*self.now));
     }
 
     /// Returns the index of the word that contains this offset; `None` if the word is in another run.
@@ -106,12 +96,61 @@ impl Run {
         (self.watched.words()[index] & mask(register) != 0).then_some(index)
     }
 
-    /// Returns the values after the last check of the words that contain a watched register, for changes to values that
-    /// may differ from the registers.
+    /// Returns the values after the last check of the words that contain a watched register.
     fn left_mut(&mut self) -> impl Iterator<Item = &mut u64> {
-        self.marks.iter().for_each(LineMarks::mark_all);
         let words = self.left.words_mut().iter_mut().zip(self.watched.words());
         words.filter(|(_, watched)| **watched != 0).map(|(left, _)| left)
+    }
+}
+
+/// Runs that follow each other in memory without a gap, and the marks of the stores to them.
+struct Stretch {
+    runs: Range<usize>,
+    /// `None` if the memory has no marks, or the marks have another reader.
+    marks: Option<LineMarks>,
+}
+
+impl Stretch {
+    /// Divides all runs into stretches. All runs count as stored.
+    fn of(segment: &Segment, runs: &[Run]) -> Box<[Self]> {
+        let adjoin = |before: &Run, run: &Run| before.bytes().end == run.bytes().start;
+        let mut first = 0;
+        let stretches = runs.chunk_by(adjoin).map(|part| {
+            let runs = first..first + part.len();
+            first = runs.end;
+            let bytes = part[0].bytes().start..part[part.len() - 1].bytes().end;
+            // Lines begin at multiples of their length.
+            let marks = segment.line_marks(bytes.clone()).filter(|_| bytes.start.is_multiple_of(LINE));
+            marks.iter().for_each(LineMarks::mark_all);
+            Stretch { runs, marks }
+        });
+        stretches.collect()
+    }
+
+    /// Returns the marks, if all stores are marked.
+    #[inline]
+    fn marks(&self) -> Option<&LineMarks> {
+        self.marks.as_ref().filter(|marks| marks.are_complete())
+    }
+
+    /// True if a watched bit was changed after the last check. `runs` are those of the watch.
+    #[inline]
+    fn differs(&self, runs: &[Run]) -> bool {
+        let runs = &runs[self.runs.clone()];
+        let Some(marks) = self.marks() else { return runs.iter().any(Run::differs) };
+        let mut differs = false;
+        marks.each_marked(usize::MAX, |line| differs |= runs[line / Run::LINES].differs());
+        differs
+    }
+
+    /// Stores the present values as those of the last check. `runs` are those of the watch.
+    #[inline]
+    fn leave(&self, runs: &mut [Run]) {
+        let runs = &mut runs[self.runs.clone()];
+        match self.marks() {
+            None => runs.iter_mut().for_each(Run::leave),
+            Some(marks) => marks.take(usize::MAX, |line| runs[line / Run::LINES].leave()),
+        }
     }
 }
 
@@ -123,11 +162,12 @@ pub(crate) struct RegisterWatch {
     /// Registers that show the phase of an area with overlaid structures.
     phases: Box<[RegisterRef]>,
     runs: Box<[Run]>,
+    stretches: Box<[Stretch]>,
 }
 
 impl SnapshotFields for RegisterWatch {
     fn save(&self, to: &mut Saving) {
-        let Self { plc: _, registers: _, phases: _, runs } = self;
+        let Self { plc: _, registers: _, phases: _, runs, stretches: _ } = self;
         let differences = runs.iter().flat_map(|run| {
             let words = run.left.words().iter().zip(run.now.iter()).zip(run.watched.words());
             let words = words.filter(|(_, watched)| **watched != 0);
@@ -138,6 +178,7 @@ impl SnapshotFields for RegisterWatch {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.leave();
+        self.stretches.iter().filter_map(|it| it.marks.as_ref()).for_each(LineMarks::mark_all);
         let mut words: Vec<_> = self.runs.iter_mut().flat_map(Run::left_mut).collect();
         for (index, difference) in from.value::<Vec<(usize, u64)>>()? {
             **words.get_mut(index).ok_or_else(|| from.no("word"))? ^= difference;
@@ -189,11 +230,7 @@ impl RegisterWatch {
             if runs.last().is_none_or(|run| run.index_of(register.offset()).is_none()) {
                 let (first, now) = segment.block(register.offset())?;
                 let [left, watched] = [Block::new([0; Block::WORDS]); 2];
-                let is_aligned = (first as usize).is_multiple_of(LINE);
-                let bytes = first as usize..first as usize + size_of::<Block>();
-                let marks = segment.line_marks(bytes).filter(|_| is_aligned);
-                marks.iter().for_each(LineMarks::mark_all);
-                runs.push(Run { first, now, left, watched, marks });
+                runs.push(Run { first, now, left, watched });
             }
             if let Some(run) = runs.last_mut()
                 && let Some(index) = run.index_of(register.offset())
@@ -201,7 +238,8 @@ impl RegisterWatch {
                 run.watched.words_mut()[index] |= mask(register);
             }
         }
-        let mut watch = RegisterWatch { plc, registers: registers.into(), phases, runs: runs.into() };
+        let (registers, stretches) = (registers.into(), Stretch::of(segment, &runs));
+        let mut watch = RegisterWatch { plc, registers, phases, runs: runs.into(), stretches };
         watch.leave();
         Ok(watch)
     }
@@ -209,13 +247,13 @@ impl RegisterWatch {
     /// Stores the present registers as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
-        self.runs.iter_mut().for_each(Run::leave);
+        self.stretches.iter().for_each(|stretch| stretch.leave(&mut self.runs));
     }
 
     /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
-        if self.runs.iter().any(Run::differs) {
+        if self.stretches.iter().any(|stretch| stretch.differs(&self.runs)) {
             self.report(now, journal);
         }
     }

@@ -149,8 +149,8 @@ fn is_reserved() -> bool {
 
 /// Number of marks that are read at once.
 const WORD: usize = size_of::<u64>();
-/// Number of such words for which marks are cleared together.
-const WORDS: usize = 8;
+/// Number of marks that are cleared together.
+const GROUP: usize = 8 * WORD;
 
 /// The marks of consecutive lines of a memory segment. Only the owner clears them.
 pub(crate) struct LineMarks {
@@ -183,64 +183,57 @@ impl LineMarks {
         self.backing.slot().is_some_and(|slot| !slot.is_exposed.load(Ordering::Relaxed))
     }
 
-    /// Returns the words that contain the marks of the first `count` lines, each with its number, without other marks.
+    /// Returns the marks of the lines from `first` on, of the first `end` lines of the word that contains the first mark.
     #[inline]
-    fn words(&self, count: usize) -> impl Iterator<Item = (usize, u64)> {
-        let end = self.skipped + count.min(self.lines.len());
-        (0..end.div_ceil(WORD)).map(move |index| {
-            let at = ptr::with_exposed_provenance::<u64>(self.first + index * WORD);
-            // SAFETY: the word contains a mark of this slot, which `backing` keeps, and marks of slots begin and end with
-            // a page.
-            let word = u64::from_le(unsafe { u64::load(at) });
-            let before = if index == 0 { self.skipped } else { 0 };
-            let after = ((index + 1) * WORD).saturating_sub(end);
-            (index, word & (u64::MAX << (8 * before)) & (u64::MAX >> (8 * after)))
-        })
+    fn word(&self, first: usize, end: usize) -> u64 {
+        // SAFETY: the word contains a mark of this slot, which `backing` keeps, and marks of slots begin and end with a
+        // page.
+        let word = u64::from_le(unsafe { u64::load(ptr::with_exposed_provenance(self.first + first)) });
+        let others = if first == 0 { self.skipped } else { 0 };
+        let following = WORD.saturating_sub(end - first);
+        word & (u64::MAX << (8 * others)) & (u64::MAX >> (8 * following))
     }
 
-    /// Returns the lines that a word of marks contains.
+    /// Returns the end of the first `count` marks in the words from the first one on.
     #[inline]
-    fn lines_of(&self, (index, mut word): (usize, u64)) -> impl Iterator<Item = usize> {
-        let first = index * WORD;
-        let skipped = self.skipped;
-        core::iter::from_fn(move || {
-            let line = first + (word.trailing_zeros() / u8::BITS) as usize;
-            (word != 0).then(|| {
-                word &= word - 1;
-                line - skipped
-            })
-        })
+    fn end(&self, count: usize) -> usize {
+        self.skipped + count.min(self.lines.len())
     }
 
-    /// Returns the marked ones of the first `count` lines. Line 0 is the first claimed line.
+    /// Calls `read` for the marked ones of the first `count` lines. Line 0 is the first claimed line.
     #[inline]
-    pub(crate) fn marked(&self, count: usize) -> impl Iterator<Item = usize> {
-        self.words(count).flat_map(|word| self.lines_of(word))
+    pub(crate) fn each_marked(&self, count: usize, mut read: impl FnMut(usize)) {
+        let end = self.end(count);
+        for first in (0..end).step_by(WORD) {
+            each_mark(self.word(first, end), |mark| read(first + mark - self.skipped));
+        }
     }
 
     /// Clears the marks of the first `count` lines, and calls `read` for each line that was marked. A store at the same
     /// time leaves a mark, or `read` sees it.
     #[inline]
     pub(crate) fn take(&self, count: usize, mut read: impl FnMut(usize)) {
-        let mut words = self.words(count);
-        loop {
-            let (mut found, mut length, mut is_marked) = ([(0, 0); WORDS], 0, false);
-            for (to, word) in found.iter_mut().zip(&mut words) {
-                (*to, length) = (word, length + 1);
-                for line in self.lines_of(word) {
-                    is_marked = true;
-                    let at = ptr::with_exposed_provenance_mut(self.first + self.skipped + line);
+        let end = self.end(count);
+        for first_of_group in (0..end).step_by(GROUP) {
+            let mut group = [0; GROUP / WORD];
+            let words = || (first_of_group..end).step_by(WORD);
+            let mut is_marked = false;
+            for (word, first) in group.iter_mut().zip(words()) {
+                *word = self.word(first, end);
+                is_marked |= *word != 0;
+                each_mark(*word, |mark| {
+                    let at = ptr::with_exposed_provenance_mut(self.first + first + mark);
                     // SAFETY: the mark belongs to this slot, which `backing` keeps.
                     unsafe { u8::store(at, 0) }
-                }
+                });
             }
             if is_marked {
-                // The processor may read a line before others see the cleared mark, and so lose a mark of a store between.
+                // Otherwise the processor could read a line before the mark is cleared for all others, so that a store
+                // between loses its mark.
                 fence(Ordering::SeqCst);
-                found.into_iter().flat_map(|word| self.lines_of(word)).for_each(&mut read);
-            }
-            if length < WORDS {
-                return;
+                for (word, first) in group.into_iter().zip(words()) {
+                    each_mark(word, |mark| read(first + mark - self.skipped));
+                }
             }
         }
     }
@@ -251,6 +244,15 @@ impl LineMarks {
             // SAFETY: as in `take`.
             unsafe { u8::store(ptr::with_exposed_provenance_mut(self.first + self.skipped + line), 1) }
         }
+    }
+}
+
+/// Calls `read` for each mark of a word.
+#[inline]
+fn each_mark(mut word: u64, mut read: impl FnMut(usize)) {
+    while word != 0 {
+        read((word.trailing_zeros() / u8::BITS) as usize);
+        word &= word - 1;
     }
 }
 
@@ -269,7 +271,13 @@ mod tests {
     const AT: u32 = HEADER_SIZE as u32;
 
     fn marked(marks: &super::LineMarks) -> Vec<usize> {
-        marks.marked(usize::MAX).collect()
+        first_marked(marks, usize::MAX)
+    }
+
+    fn first_marked(marks: &super::LineMarks, count: usize) -> Vec<usize> {
+        let mut lines = Vec::new();
+        marks.each_marked(count, |line| lines.push(line));
+        lines
     }
 
     #[test]
@@ -292,7 +300,7 @@ mod tests {
         segment.store(2 * AT - 4, Width::Dword, 5).unwrap();
         let last = (HEADER_SIZE - 3 * 64) / 64 - 1;
         assert_eq!(marked(&marks), [0, 4, 10, last]);
-        assert_eq!(marks.marked(4).collect::<Vec<_>>(), [0], "of the first four lines");
+        assert_eq!(first_marked(&marks, 4), [0], "of the first four lines");
         let mut taken = Vec::new();
         marks.take(11, |line| taken.push(line));
         assert_eq!((taken, marked(&marks)), (vec![0, 4, 10], vec![last]));
@@ -321,7 +329,7 @@ mod tests {
         let segment = Segment::heap(HEADER_SIZE);
         let marks = segment.line_marks(0..64).unwrap();
         assert!(marks.are_complete());
-        let _ = segment.clone().base();
+        let _ = segment.base();
         assert!(!marks.are_complete());
     }
 

@@ -35,7 +35,13 @@ impl Block {
 
     /// Returns the words of all these blocks.
     #[inline]
-    pub(crate) fn words_of(blocks: &mut [Block]) -> &mut [u64] {
+    pub(crate) fn words_of(blocks: &[Block]) -> &[u64] {
+        bytemuck::cast_slice(blocks)
+    }
+
+    /// Returns the words of all these blocks, for changes.
+    #[inline]
+    pub(crate) fn words_of_mut(blocks: &mut [Block]) -> &mut [u64] {
         bytemuck::cast_slice_mut(blocks)
     }
 
