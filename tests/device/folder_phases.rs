@@ -143,17 +143,35 @@ fn written(register, old, value) {
 fn overlaid_structures_that_have_no_clear_phase_are_refused() {
     let twice = card("fn poll() {}");
     change(&twice, "live = 'run' }", "live = 'run' }, { name = 'INI', live = 'run' }");
+    // Returns the line and the column of a text in device.toml, from 1.
+    let place = |card: &Card, part: &str| {
+        let device = text(card);
+        let (line, found) = device.lines().enumerate().find(|(_, line)| line.contains(part)).unwrap();
+        format!("device.toml:{}:{}: ", line + 1, found.find(part).unwrap() + 1)
+    };
     let refused = twice.refused();
-    assert!(refused.contains("device.toml"), "{refused}");
-    assert!(refused.contains("in each phase one structure is valid"), "{refused}");
+    let second = place(&twice, "'run' }]");
+    assert!(refused.contains(&second), "{refused}, not {second}");
+    assert!(refused.contains("`INI` and `RUN` are valid in the phase `run`; in a device"), "{refused}");
+    let wide = card("fn poll() {}");
+    for structure in ["INI.toml", "RUN.toml"] {
+        let path = wide.dir().join(structure);
+        let text = fs::read_to_string(&path).unwrap();
+        let moved = text.replace("name = 'w_PH', type = 'WORD'", "name = 'd_PH', type = 'DWORD'");
+        let moved = moved.replace("offset = 4,", "offset = 6,").replace("offset = 2,", "offset = 4,");
+        fs::write(&path, moved.replace(", { offset = 6, padding = 2 }", "")).unwrap();
+    }
+    change(&wide, "register = 'w_PH'", "register = 'd_PH'");
+    let (refused, register) = (wide.refused(), place(&wide, "'d_PH'"));
+    assert!(refused.contains(&format!("{register}`d_PH` shows the phase, so")), "{refused}, not {register}");
     let areas = card("fn poll() {}");
     let device = text(&areas);
     let line = device.lines().find(|line| line.starts_with("area = ")).unwrap();
     let area = line.trim_start_matches("area = [").trim_end_matches(']');
     let second = area.replace("name = 'card'", "name = 'second'").replace("first = 0", "first = 64");
     change(&areas, line, &format!("area = [{area}, {second}]"));
-    let refused = areas.refused();
-    assert!(refused.contains("has at most one such area"), "{refused}");
+    let (refused, other) = (areas.refused(), place(&areas, "'second'"));
+    assert!(refused.contains(&format!("{other}the areas `card` and `second` have structures")), "{refused}");
 }
 
 /// The rules are those of the valid structure, for writes through the channel and for stores in the image. Between the
