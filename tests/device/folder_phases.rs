@@ -109,6 +109,36 @@ fn written(register, old, value) {
     }
 }
 
+/// A history contains the changes of the memory in all phases. Its values are compared as bits, because the type at an
+/// address may depend on the phase.
+#[test]
+fn a_history_at_an_address_has_the_changes_of_all_phases() {
+    let card = card("fn poll() {}");
+    let path = card.dir().join("RUN.toml");
+    let run = fs::read_to_string(&path).unwrap();
+    fs::write(&path, run.replace("name = 'u_RUN', type = 'UINT'", "name = 'i_RUN', type = 'INT'")).unwrap();
+    let mut bench = card.bench();
+    bench.step("1ms").unwrap();
+    bench.record("card").unwrap();
+    bench.poke("card.w_PH", 12).unwrap();
+    bench.poke("card.i_RUN", -2).unwrap();
+    bench.step("1ms").unwrap();
+    bench.poke("card.w_PH", 0).unwrap();
+    bench.poke("card.u_INI", 7).unwrap();
+    bench.step("1ms").unwrap();
+    let numbers = |bench: &mut commram::script::Bench, register: &str| {
+        let past = bench.history(register).unwrap();
+        past.iter().map(|change| (change.from, change.to)).collect::<Vec<_>>()
+    };
+    // A name has the type of its register, an address that of the valid structure.
+    assert_eq!(numbers(&mut bench, "card.i_RUN"), [(0, -2), (-2, 7)]);
+    assert_eq!(numbers(&mut bench, "card.u_INI"), [(0, 0xFFFE), (0xFFFE, 7)]);
+    assert_eq!(numbers(&mut bench, "%MW3.4"), [(0, -2), (0xFFFE, 7)]);
+    for register in ["card.i_RUN", "card.u_INI", "%MW3.4"] {
+        bench.expect_history(register, [0xFFFE, 7]).unwrap();
+    }
+}
+
 /// All structures have the register of the phase, so its hook must not be called for each of them. The journal shows an
 /// answer only if the script writes the register after the program.
 #[test]
