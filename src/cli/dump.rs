@@ -83,12 +83,15 @@ pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliErro
 fn print(instance: &Instance, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
     blocks.iter().try_for_each(|name| check(instance, name))?;
     let session = Session::open_for_reading(instance)?;
-    let dump = Blocks::find(&session, blocks)?.read(&session)?;
-    let wanted = dump.rows.into_iter().filter(|row| all || row.differs || row.holding.forced);
-    let rows: Vec<_> = wanted.map(|row| row.holding).collect();
-    table::print(format, &rows, |rows| {
-        let head = format!("instance '{}' at {}\n", instance.name(), time::seconds(dump.time_us));
-        head + &text(rows, dump.is_live, dump.phase_register)
+    let blocks = Blocks::find(&session, blocks)?;
+    let snapshot = session.read(&blocks.reads())?;
+    let views = views(&session, &blocks.0, &snapshot, &snapshot.data);
+    let rows = views.iter().flat_map(View::rows);
+    let wanted = rows.filter(|row| all || row.differs || row.holding.forced).map(|row| row.holding);
+    // A byte of registers takes up to 200 bytes of JSON, and a device may have some MiB of registers.
+    table::print_each(format, wanted, |rows| {
+        let head = format!("instance '{}' at {}\n", instance.name(), time::seconds(snapshot.time_us));
+        head + &text(rows, views.iter().any(View::has_live_registers), phase_register(&views))
     })
 }
 
@@ -101,8 +104,6 @@ pub(crate) struct Dump {
     pub time_us: u64,
     /// The displayed registers with their values.
     pub rows: Vec<DumpRow>,
-    /// True if any of the blocks has live registers.
-    is_live: bool,
     /// The register that shows which registers are live, if structures overlay each other.
     pub phase_register: Option<&'static str>,
 }
@@ -218,8 +219,7 @@ impl Blocks {
         Ok(Dump {
             time_us: snapshot.time_us,
             rows: views.iter().flat_map(View::rows).collect(),
-            is_live: views.iter().any(View::has_live_registers),
-            phase_register: views.iter().find_map(|view| view.area().phases).map(|phases| phases.register),
+            phase_register: phase_register(&views),
         })
     }
 
@@ -363,6 +363,11 @@ fn views<'a>(
     parts.iter().map(view).collect()
 }
 
+/// Returns the register that shows which registers are live, if structures overlay each other.
+fn phase_register(views: &[View<'_>]) -> Option<&'static str> {
+    views.iter().find_map(|view| view.area().phases).map(|phases| phases.register)
+}
+
 /// A selection with the bytes of its area.
 struct View<'a> {
     selection: &'a Selection,
@@ -409,16 +414,16 @@ impl View<'_> {
         self.area().structures.is_empty() || !self.registers().is_empty()
     }
 
-    fn rows(&self) -> Vec<DumpRow> {
+    fn rows(&self) -> Box<dyn Iterator<Item = DumpRow> + '_> {
         if self.area().structures.is_empty() {
-            return self.plain();
+            return Box::new(self.plain());
         }
-        self.registers().iter().map(|register| self.row(register)).collect()
+        Box::new(self.registers().into_iter().map(|register| self.row(&register)))
     }
 
     /// Returns the rows of the live registers. If no selected register is live, the rows of all selected registers.
     fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
-        match (self.rows(), &self.selection.registers) {
+        match (self.rows().collect::<Vec<_>>(), &self.selection.registers) {
             (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
             (rows, _) => rows,
         }
@@ -445,11 +450,11 @@ impl View<'_> {
     }
 
     /// Rows of plain RAM: one row for each doubleword, or a single row for an address.
-    fn plain(&self) -> Vec<DumpRow> {
+    fn plain(&self) -> impl Iterator<Item = DumpRow> + '_ {
         let width = self.selection.place.map_or(PLAIN_WIDTH, Address::width);
         let ty = width.bits();
         let offsets = (self.first..).step_by(width.bytes() as usize);
-        let row = |offset| {
+        let row = move |offset| {
             let value = self.value(offset, width.bytes());
             let address = self.fitted.device().at(width, offset).to_string();
             let holding = RegisterReading {
@@ -467,7 +472,7 @@ impl View<'_> {
             // An address that the user named is shown even if its value is 0.
             DumpRow { holding, differs: value != 0 || self.selection.place.is_some() }
         };
-        offsets.take(self.bytes.len() / width.bytes() as usize).map(row).collect()
+        offsets.take(self.bytes.len() / width.bytes() as usize).map(row)
     }
 }
 

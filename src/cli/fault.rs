@@ -58,7 +58,7 @@ fn kinds() -> String {
     let mut text = "\
 Fields of all kinds:
   at=2s          begin, emulated time since power-on
-  count=3        ends after this number of hits
+  count=3        ends after this number of hits, if the kind has hits
   duration=5ms   ends after this emulated time
 
 Examples, one of each kind:"

@@ -3,6 +3,7 @@
 use super::{error::CliError, output, style};
 use crate::export::{csv_line, markdown_text, md_table};
 use clap::ValueEnum;
+use core::borrow::Borrow;
 use serde::Serialize;
 
 /// Output format of a table.
@@ -51,8 +52,64 @@ pub(crate) fn print<R: Row>(
 ) -> Result<(), CliError> {
     match format {
         Format::Text => output::page(&text(rows)),
-        format => output::print(&formatted(format, rows, text)?),
+        Format::Json | Format::Csv => stream::<R>(format, rows.iter()),
+        Format::Md => output::print(&markdown(rows)),
     }
+}
+
+/// Prints rows like [`print`], but does not keep them in memory in the formats for programs.
+///
+/// # Errors
+/// Returns the errors of [`output::print`].
+pub(crate) fn print_each<R: Row>(
+    format: Format,
+    rows: impl Iterator<Item = R>,
+    text: impl FnOnce(&[R]) -> String,
+) -> Result<(), CliError> {
+    match format {
+        Format::Json | Format::Csv => stream::<R>(format, rows),
+        Format::Text | Format::Md => print(format, &rows.collect::<Vec<_>>(), text),
+    }
+}
+
+/// Prints rows as JSON or CSV.
+fn stream<R: Row>(format: Format, rows: impl Iterator<Item: Borrow<R>>) -> Result<(), CliError> {
+    match in_pieces::<R>(format, rows, |piece| output::print_while_read(piece.as_bytes())) {
+        Err(CliError::BrokenPipe) => Ok(()),
+        other => other,
+    }
+}
+
+/// Number of bytes after which rows are written.
+const PIECE: usize = 1 << 18;
+
+/// Formats rows as JSON or CSV and passes the text to `write`, piece by piece.
+fn in_pieces<R: Row>(
+    format: Format,
+    rows: impl Iterator<Item: Borrow<R>>,
+    mut write: impl FnMut(&str) -> Result<(), CliError>,
+) -> Result<(), CliError> {
+    let is_json = format == Format::Json;
+    let mut piece = if is_json { "[".to_owned() } else { csv_line(R::COLUMNS) };
+    let (mut before, mut end) = ("\n  ", "]\n");
+    for row in rows {
+        let row: &R = row.borrow();
+        if is_json {
+            piece.push_str(before);
+            piece.push_str(&output::json(row)?.trim_end().replace('\n', "\n  "));
+            (before, end) = (",\n  ", "\n]\n");
+        } else {
+            piece.push_str(&csv_line(&harmless(&row.cells())));
+        }
+        if piece.len() >= PIECE {
+            write(&piece)?;
+            piece.clear();
+        }
+    }
+    if is_json {
+        piece.push_str(end);
+    }
+    write(&piece)
 }
 
 /// Returns the rows in a format; `text` produces the text format.
@@ -64,12 +121,16 @@ pub(crate) fn formatted<R: Row>(
     rows: &[R],
     text: impl FnOnce(&[R]) -> String,
 ) -> Result<String, CliError> {
-    Ok(match format {
-        Format::Text => text(rows),
-        Format::Json => output::json(&rows)?,
-        Format::Csv => csv(rows),
-        Format::Md => markdown(rows),
-    })
+    let mut all = String::new();
+    match format {
+        Format::Text => all = text(rows),
+        Format::Md => all = markdown(rows),
+        Format::Json | Format::Csv => in_pieces::<R>(format, rows.iter(), |piece| {
+            all.push_str(piece);
+            Ok(())
+        })?,
+    }
+    Ok(all)
 }
 
 /// Returns the rows in aligned columns below a heading.
@@ -159,10 +220,6 @@ fn wrapped(text: &str, most: usize) -> Vec<String> {
     lines
 }
 
-fn csv<R: Row>(rows: &[R]) -> String {
-    csv_line(R::COLUMNS) + &rows.iter().map(|row| csv_line(&harmless(&row.cells()))).collect::<String>()
-}
-
 fn markdown<R: Row>(rows: &[R]) -> String {
     let cells = |row: &R| harmless(&row.cells()).iter().map(|cell| markdown_text(cell)).collect();
     md_table(R::COLUMNS, rows.iter().map(cells))
@@ -192,6 +249,36 @@ mod tests {
     fn columns_are_as_wide_as_their_widest_cell_and_lines_end_without_blanks() {
         let text = aligned(&[Pair("größer", "a"), Pair("b", "")]);
         assert_eq!(text, "NAME    TEXT\ngrößer  a\nb\n");
+    }
+
+    #[test]
+    fn rows_are_written_while_they_are_made() {
+        let rows = [Pair("a", "\n\u{9b}"), Pair("[]", ""), Pair("c", "\u{e9}")];
+        for count in 0..=rows.len() {
+            let some = &rows[..count];
+            let whole = output::json(&some).unwrap();
+            assert_eq!(formatted(Format::Json, some, |_| String::new()).unwrap(), whole);
+        }
+        assert_eq!(csv(&rows[1..2]), "name,text\n[],\n");
+        for format in [Format::Json, Format::Csv] {
+            let made = core::cell::Cell::new(0);
+            let many = (0..100_000).map(|number| {
+                made.set(number);
+                Pair("name", "text")
+            });
+            let mut at = Vec::new();
+            in_pieces::<Pair>(format, many, |piece| {
+                assert!(piece.len() < 2 * PIECE);
+                at.push(made.get());
+                Ok(())
+            })
+            .unwrap();
+            assert!(at.len() > 2 && at[0] < 30_000 && at.is_sorted(), "{at:?}");
+        }
+    }
+
+    fn csv<R: Row>(rows: &[R]) -> String {
+        formatted(Format::Csv, rows, |_| String::new()).unwrap()
     }
 
     fn lines(text: &[&[&str]]) -> Vec<Vec<String>> {

@@ -135,7 +135,7 @@ pub enum FaultError {
         known: String,
     },
     /// A field that no kind has.
-    #[error("{}: unknown field `{field}`{}; its fields are: {}", .kind.name(), did_you_mean(.field, .kind.all_fields().map(Field::name)), field_list(.kind))]
+    #[error("{}: unknown field `{field}`{}; its fields are: {}", .kind.name(), did_you_mean(.field, .kind.usable_fields().map(Field::name)), field_list(.kind))]
     UnknownField {
         /// Kind of the fault, which has a list of valid fields.
         kind: &'static FaultKind,
@@ -314,7 +314,7 @@ pub(super) fn port_list(device: &DeviceLayout) -> String {
 }
 
 fn field_list(kind: &'static FaultKind) -> String {
-    list(&kind.all_fields().map(Field::name).collect::<Vec<_>>())
+    list(&kind.usable_fields().map(Field::name).collect::<Vec<_>>())
 }
 
 /// Slave numbers as text, bit n of `mask` for slave n.

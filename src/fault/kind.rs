@@ -280,9 +280,15 @@ impl FaultKind {
         self.has_hits
     }
 
-    /// Returns all fields in this order: target, own fields, time and limit.
+    /// Returns all fields in this order: target, own fields, time and limit. A kind without hits also has `count` here,
+    /// because its error says what to give instead.
     pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
+    }
+
+    /// Returns the fields that a fault of this kind can have: a kind without hits has no `count`.
+    pub(crate) fn usable_fields(&'static self) -> impl Iterator<Item = &'static Field> {
+        self.all_fields().filter(move |field| self.has_hits || **field != COUNT)
     }
 
     /// Checks that the values of a fault fit together.

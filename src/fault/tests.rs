@@ -89,6 +89,12 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
         ("hiss bus=air volume=1 tone=x", "hiss: tone = \"x\"; it must be low, high"),
         ("hum bus=air slave=32", "hum: slave is 32; it must be 0 to 31"),
         ("fog count=0", "fog: count has no meaning for fog; give duration_us, or clear the fault"),
+        ("fog tone=low", "fog: tone has no meaning; its fields are: plc, at_us, duration_us"),
+        ("fog colour=1", "`colour=1`: there is no field `colour`; the fields are: plc, at, duration"),
+        (
+            "hum colour=1",
+            "`colour=1`: there is no field `colour`; the fields are: bus, slave, at, count, duration",
+        ),
         ("leak node=1", "leak: PLC \"saw\" has no port 1; its ports are: none"),
         ("leak", "leak: node is missing; give a port; the PLC has none"),
         ("hiss bus=air volume=1 count=0", "hiss: count is 0; it must be 1 to 4294967295"),

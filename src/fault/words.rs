@@ -42,7 +42,8 @@ impl FaultSpec {
                 .split_once('=')
                 .ok_or_else(|| wrong("write a field as name=value, for example count=3".to_owned()))?;
             let name = &name.replace('-', "_");
-            let (field, with_unit) = field(&known, name).ok_or_else(|| wrong(unknown(&known, name)))?;
+            let (field, with_unit) =
+                field(&known, name).ok_or_else(|| wrong(unknown(&possible(kind, kinds, &known), name)))?;
             if spec.fields.iter().any(|(seen, _)| seen == field.name()) {
                 return Err(wrong(format!("{field} is given twice")));
             }
@@ -93,8 +94,21 @@ fn field(known: &[&'static Field], name: &str) -> Option<(&'static Field, bool)>
     exact.or_else(|| known.iter().find(is_time).map(|field| (*field, true)))
 }
 
-fn unknown(known: &[&Field], name: &str) -> String {
-    let names: Vec<_> = known.iter().map(|field| field.name().trim_end_matches("_us")).collect();
+/// Returns the fields that a message proposes: those of the kinds called `kind`, or `known` if there is no such kind.
+fn possible(kind: &str, kinds: &[&'static FaultKind], known: &[&'static Field]) -> Vec<&'static Field> {
+    let Some(meant) = named(kind, kinds) else { return known.to_vec() };
+    let mut fields: Vec<&'static Field> = Vec::new();
+    // Several device folders may declare kinds of one name.
+    for field in kinds.iter().filter(|it| it.name() == meant.name()).flat_map(|kind| kind.usable_fields()) {
+        if !fields.contains(&field) {
+            fields.push(field);
+        }
+    }
+    fields
+}
+
+fn unknown(possible: &[&Field], name: &str) -> String {
+    let names: Vec<_> = possible.iter().map(|field| field.name().trim_end_matches("_us")).collect();
     let hint = did_you_mean(name, names.iter().copied());
     format!("there is no field `{name}`{hint}; the fields are: {}", names.join(", "))
 }
@@ -170,8 +184,8 @@ mod tests {
             ("count", "`count`: write a field as name=value, for example count=3"),
             (
                 "colour=1",
-                "`colour=1`: there is no field `colour`; the fields are: bus, plc, node, slave, slot, id, mask, \
-                 delay, amplitude, error, offset, at, count, duration",
+                "`colour=1`: there is no field `colour`; the fields are: bus, slave, slot, id, mask, delay, at, \
+                 count, duration",
             ),
             ("delay=5", "`delay=5`: a time needs a unit: 5us, 5ms or 5s"),
             (
@@ -182,6 +196,12 @@ mod tests {
         ] {
             assert_eq!(parsed("lose_frame", &[field]).unwrap_err(), expected);
         }
+        assert_eq!(
+            parsed("x", &["colour=1"]).unwrap_err(),
+            "`colour=1`: there is no field `colour`; the fields are: bus, plc, node, slave, slot, id, mask, delay, \
+             amplitude, error, offset, at, count, duration",
+            "all fields, if the kind is not known"
+        );
         assert_eq!(parsed("x", &["slave=1", "slave=2"]).unwrap_err(), "`slave=2`: slave is given twice");
         assert!(parsed("x", &["delay=5us", "delay_us=5"]).is_err());
     }

@@ -95,7 +95,7 @@ impl Part for ChangeDetails {
 impl EventText for Changed {
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.followed(self.plc, self.offset, self.how.width, self.how.live);
-        let meaning = place.meaning(self.to).map(|meaning| format!(", {meaning}")).unwrap_or_default();
+        let meaning = place.meaning_after_comma(self.to);
         let [from, to] = [self.from, self.to].map(|value| place.value(value));
         format!("{} {from} -> {to} by the {}{meaning}", place.label(), self.how.by.name())
     }

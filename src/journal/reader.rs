@@ -176,6 +176,16 @@ impl NamedRegister {
     pub(crate) fn meaning(&self, value: u32) -> String {
         self.0.as_ref().map(|register| register.decode(value)).unwrap_or_default()
     }
+
+    /// Returns the value, and its meaning if it has one: `16#02, end phase detected`.
+    pub(crate) fn explained(&self, value: u32) -> String {
+        self.value(value) + &after_comma(&self.meaning(value))
+    }
+}
+
+/// Returns a meaning with a comma before it, for the end of a line; empty if there is none.
+fn after_comma(meaning: &str) -> String {
+    if meaning.is_empty() { String::new() } else { format!(", {meaning}") }
 }
 
 /// A register, or a part of the RAM without one.
@@ -219,5 +229,11 @@ impl RegisterLocation {
         self.register
             .filter(|register| register.register.meaning.is_some())
             .map(|register| register.decode(value))
+    }
+
+    /// Returns the meaning of the value with a comma before it, for the end of a line: `, restart`. Empty if the value is
+    /// just a number, or if its meaning has no text.
+    pub(super) fn meaning_after_comma(&self, value: u32) -> String {
+        after_comma(&self.meaning(value).unwrap_or_default())
     }
 }

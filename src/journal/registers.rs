@@ -97,8 +97,7 @@ impl EventText for State {
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.whole(self.origin.plc, self.offset);
         let [from, to] = [self.from, self.to].map(|value| place.value(value.into()));
-        let meaning = place.meaning(self.to.into()).unwrap_or_default();
-        format!("{} {from} -> {to}, {meaning}", place.label())
+        format!("{} {from} -> {to}{}", place.label(), place.meaning_after_comma(self.to.into()))
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -150,7 +149,7 @@ impl EventText for Register {
 
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.whole(self.origin.plc, self.offset);
-        let meaning = place.meaning(self.to).map(|meaning| format!(", {meaning}")).unwrap_or_default();
+        let meaning = place.meaning_after_comma(self.to);
         format!("{} {} -> {}{meaning}", place.label(), place.value(self.from), place.value(self.to))
     }
 
@@ -168,7 +167,8 @@ impl EventText for ChannelWrite {
 
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.accessed(self.plc, self.offset, self.width);
-        let meaning = place.meaning(self.value).map(|meaning| format!(" ({meaning})")).unwrap_or_default();
+        let meaning = place.meaning(self.value).filter(|meaning| !meaning.is_empty());
+        let meaning = meaning.map(|meaning| format!(" ({meaning})")).unwrap_or_default();
         format!("{} := {}{meaning}", place.label(), place.value(self.value))
     }
 

@@ -153,7 +153,7 @@ impl Condition {
             None => (left, None),
         };
         let place = place(register.trim()).map_err(ConditionError::Register)?;
-        let given = place.parse_value(value)?;
+        let given = if mask.is_some() { place.parse_pattern(value)? } else { place.parse_value(value)? };
         let shown = |value| format!("{}{}", compare.than(), place.format(place.last_phase(), value));
         let is_order = !matches!(compare, Compare::Equal | Compare::NotEqual);
         let (mask, is_signed, value, wanted) = match (place.bit(), mask) {
@@ -163,7 +163,7 @@ impl Condition {
             (Some(_), Some(_)) => return Err(wrong("a single bit needs no mask")),
             (Some(bit), None) => (1 << bit, false, given << bit, format!("{}{given}", compare.than())),
             (None, Some(mask)) => {
-                let mask = place.parse_value(mask)?;
+                let mask = place.parse_pattern(mask)?;
                 let under = place.format(place.last_phase(), mask);
                 (mask, false, given, format!("{} under mask {under}", shown(given)))
             }
@@ -240,6 +240,21 @@ mod tests {
         assert_eq!([2, 6, 3, 0].map(|it| set.holds(it)), [true, true, false, false]);
         let not = parse("node2.w_OPTION_STATUS&3!=2").unwrap();
         assert_eq!([2, 6, 3, 0].map(|it| not.holds(it)), [false, false, true, true]);
+    }
+
+    /// A mask and the value under it are bits, not numbers with a sign.
+    #[test]
+    fn a_mask_can_have_every_bit_of_a_register_with_a_sign() {
+        let parsed =
+            |text| parse(text).map(|it| (it.test.mask, it.test.value)).map_err(|error| error.to_string());
+        assert_eq!(parsed("node2.i_SW1_NR&32768==32768"), Ok((0x8000, 0x8000)));
+        assert_eq!(parsed("node2.i_SW1_NR & 65535 != 65535"), Ok((0xFFFF, 0xFFFF)));
+        assert_eq!(parsed("node2.i_SW1_NR&-1==-2"), Ok((0xFFFF, 0xFFFE)));
+        assert_eq!(parsed("node2.a_RD_BMARRAY[1][0]&4294967295==2147483648"), Ok((u32::MAX, 1 << 31)));
+        let range = "`65536` is out of range, a WORD holds 0 to 65535 (16#0 to 16#FFFF)";
+        assert!(parsed("node2.i_SW1_NR&65536==0").unwrap_err().ends_with(range));
+        // Without a mask, the value is a number of the type.
+        assert!(parsed("node2.i_SW1_NR==32768").unwrap_err().contains("an INT holds -32768 to 32767"));
     }
 
     #[test]

@@ -218,6 +218,20 @@ impl NamedLocation {
         value.map_err(|source| BadValue { place: self.label(live), source })
     }
 
+    /// Parses a bit pattern for this place, for example a mask. A pattern is also a value, but every decimal number that
+    /// fits the width without a sign is a pattern, whatever the type of the register: 255 for a SINT.
+    ///
+    /// # Errors
+    /// `BadValue`, which names the register.
+    pub(crate) fn parse_pattern(&self, text: &str) -> Result<u32, BadValue> {
+        self.parse_value(text).or_else(|error| match error.source {
+            ValueError::Range { ty, .. } => {
+                value::parse(text, ty.pattern()).map_err(|source| BadValue { source, ..error })
+            }
+            _ => Err(error),
+        })
+    }
+
     /// True if this is exactly one register or plain RAM, and not a part of a register or several registers.
     pub fn is_whole(&self) -> bool {
         self.registers.is_empty() || self.exact(self.last_phase()).is_some()

@@ -168,7 +168,7 @@ fn of_kind(mut section: Value, kind: &str, needed: bool) -> Value {
 /// Schema of a `[[fault]]` of this kind.
 fn fault(kind: &'static FaultKind) -> Value {
     let mut properties = Map::new();
-    for field in kind.all_fields() {
+    for field in kind.usable_fields() {
         for name in [Some(field.name()), field.other_name()].into_iter().flatten() {
             properties.insert(name.to_owned(), value_of(field));
         }

@@ -90,6 +90,25 @@ struct Required {
     text: String,
     /// The line of a script that requires the fault.
     place: Option<ScriptLocation>,
+    state: RequiredState,
+}
+
+/// What is known about the effect of a required fault. The plant forgets a fault that was cleared, or added after the
+/// moment to which the clock has returned.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum RequiredState {
+    /// The plant knows whether the fault has taken effect.
+    Known,
+    /// The fault has taken effect.
+    HasActed,
+    /// The plant no longer has the fault, which has not taken effect. The plant may use its number again.
+    Gone,
+}
+
+impl Required {
+    fn new(number: u16, text: String, place: Option<ScriptLocation>) -> Self {
+        Self { number, text, place, state: RequiredState::Known }
+    }
 }
 
 impl Bench {
@@ -132,8 +151,7 @@ impl Bench {
         let mut bench = Self::on(carrier)?;
         // The plant numbers its faults from 1 in the order of the plant file, so `zip` gives each fault its number.
         let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
-        let required =
-            required.map(|(number, spec)| Required { number, text: spec.kind.clone(), place: None });
+        let required = required.map(|(number, spec)| Required::new(number, spec.kind.clone(), None));
         bench.required = required.collect();
         Ok(bench)
     }

@@ -86,9 +86,11 @@ pub(crate) fn argument_count(verbs: &[Verb], name: &str, count: usize) -> Option
     (!fits).then(|| wrong_count(&verbs.iter().collect::<Vec<_>>(), name, count).to_string())
 }
 
-/// Returns the message for a value that the register cannot hold.
-pub(crate) fn refused_value(place: &NamedLocation, value: &Value) -> Option<String> {
-    value.bits(place).err().map(|error| error.to_string())
+/// Returns the message for a value that the register cannot hold. `is_pattern` is true for a mask, and for a value under a
+/// mask.
+pub(crate) fn refused_value(place: &NamedLocation, value: &Value, is_pattern: bool) -> Option<String> {
+    let bits = if is_pattern { value.pattern(place) } else { value.bits(place) };
+    bits.err().map(|error| error.to_string())
 }
 
 /// The kind of object that the text of an argument names.

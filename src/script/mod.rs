@@ -45,7 +45,7 @@ pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
 pub use run::{Limits, run_file};
 #[cfg(feature = "cli")]
-pub(crate) use run::{run_debugged, run_observed, spawn_with_stack, with_stack};
+pub(crate) use run::{UnnamedPlant, run_debugged, run_observed, spawn_with_stack, with_stack};
 pub use value::{Span, Value};
 #[cfg(feature = "cli")]
 pub(crate) use verb::defined;

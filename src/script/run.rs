@@ -88,6 +88,10 @@ pub fn run_file(
     run_on(file, Stage::new(bench, directory, limits.time_us), limits, print, engine_as_it_is)
 }
 
+/// The plant of a script that names none, or the error in it, and a name of the plant for messages.
+#[cfg(feature = "cli")]
+pub(crate) type UnnamedPlant = (String, Result<PlantConfig, String>);
+
 /// Returns the directory of a script.
 fn directory_of(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
@@ -95,13 +99,13 @@ fn directory_of(file: &Path) -> PathBuf {
 
 /// Does the same as [`run_file`], and passes each section with its emulated time in microseconds to `sections` at once.
 ///
-/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name
-/// that is given with it.
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`, or fails with its error. The
+/// report uses the name that is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_observed(
     file: &Path,
     bench: Option<Bench>,
-    plant: Option<(String, PlantConfig)>,
+    plant: Option<UnnamedPlant>,
     limits: Limits,
     print: impl FnMut(&str) + 'static,
     sections: impl FnMut(&str, u64) + 'static,
@@ -116,12 +120,12 @@ pub(crate) fn run_observed(
 
 /// Does the same as [`run_file`] under a debugger, which also stops where the scenario fails.
 ///
-/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`. The report uses the name
-/// that is given with it.
+/// A script that does not call the verb `plant` runs in the plant of the parameter `plant`, or fails with its error. The
+/// report uses the name that is given with it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_debugged(
     file: &Path,
-    plant: Option<(String, PlantConfig)>,
+    plant: Option<UnnamedPlant>,
     limits: Limits,
     print: impl FnMut(&str) + 'static,
     debugger: Rc<dyn super::debug::ScriptDebugger>,

@@ -40,6 +40,19 @@ impl Value {
             }),
         }
     }
+
+    /// Returns the value as a bit pattern for the register at `place`, for example a mask. A number in a text needs not be
+    /// a number of the register's type.
+    ///
+    /// # Errors
+    /// The pattern has more bits than the register.
+    pub(super) fn pattern(&self, place: &NamedLocation) -> Result<u32, BadValue> {
+        match self {
+            Value::Text(text) => place.parse_pattern(text),
+            // `bits` accepts patterns, too.
+            Value::Number(_) => self.bits(place),
+        }
+    }
 }
 
 /// Shows the number in decimal and hexadecimal, because a script may have written it in either base.
@@ -141,6 +154,17 @@ mod tests {
         assert!(refused.contains("`65536 (16#10000)` is out of range, a WORD holds 0 to 65535"), "{refused}");
         assert!(bits("node2.w_CPU_CONTROL", -1).is_err());
         assert!(bits("node2.a_WR_VALUE[0]", 1_i64 << 32).is_err());
+    }
+
+    #[test]
+    fn patterns_have_no_sign() {
+        let place = NamedLocation::parse(&DeviceFit::unknown(&DEVICE), "node2.i_SW1_NR").unwrap();
+        for given in [Value::from(0x8000), "32768".into(), "16#8000".into(), "-32768".into(), (-32768).into()]
+        {
+            assert_eq!(given.pattern(&place), Ok(0x8000), "{given:?}");
+        }
+        assert!(Value::from("32768").bits(&place).is_err());
+        assert!(Value::from("65536").pattern(&place).is_err() && Value::from(65536).pattern(&place).is_err());
     }
 
     #[test]

@@ -109,6 +109,36 @@ fn written(register, old, value) {
     }
 }
 
+/// A history contains the changes of the memory in all phases. Its values are compared as bits, because the type at an
+/// address may depend on the phase.
+#[test]
+fn a_history_at_an_address_has_the_changes_of_all_phases() {
+    let card = card("fn poll() {}");
+    let path = card.dir().join("RUN.toml");
+    let run = fs::read_to_string(&path).unwrap();
+    fs::write(&path, run.replace("name = 'u_RUN', type = 'UINT'", "name = 'i_RUN', type = 'INT'")).unwrap();
+    let mut bench = card.bench();
+    bench.step("1ms").unwrap();
+    bench.record("card").unwrap();
+    bench.poke("card.w_PH", 12).unwrap();
+    bench.poke("card.i_RUN", -2).unwrap();
+    bench.step("1ms").unwrap();
+    bench.poke("card.w_PH", 0).unwrap();
+    bench.poke("card.u_INI", 7).unwrap();
+    bench.step("1ms").unwrap();
+    let numbers = |bench: &mut commram::script::Bench, register: &str| {
+        let past = bench.history(register).unwrap();
+        past.iter().map(|change| (change.from, change.to)).collect::<Vec<_>>()
+    };
+    // A name has the type of its register, an address that of the valid structure.
+    assert_eq!(numbers(&mut bench, "card.i_RUN"), [(0, -2), (-2, 7)]);
+    assert_eq!(numbers(&mut bench, "card.u_INI"), [(0, 0xFFFE), (0xFFFE, 7)]);
+    assert_eq!(numbers(&mut bench, "%MW3.4"), [(0, -2), (0xFFFE, 7)]);
+    for register in ["card.i_RUN", "card.u_INI", "%MW3.4"] {
+        bench.expect_history(register, [0xFFFE, 7]).unwrap();
+    }
+}
+
 /// All structures have the register of the phase, so its hook must not be called for each of them. The journal shows an
 /// answer only if the script writes the register after the program.
 #[test]
@@ -143,17 +173,35 @@ fn written(register, old, value) {
 fn overlaid_structures_that_have_no_clear_phase_are_refused() {
     let twice = card("fn poll() {}");
     change(&twice, "live = 'run' }", "live = 'run' }, { name = 'INI', live = 'run' }");
+    // Returns the line and the column of a text in device.toml, from 1.
+    let place = |card: &Card, part: &str| {
+        let device = text(card);
+        let (line, found) = device.lines().enumerate().find(|(_, line)| line.contains(part)).unwrap();
+        format!("device.toml:{}:{}: ", line + 1, found.find(part).unwrap() + 1)
+    };
     let refused = twice.refused();
-    assert!(refused.contains("device.toml"), "{refused}");
-    assert!(refused.contains("in each phase one structure is valid"), "{refused}");
+    let second = place(&twice, "'run' }]");
+    assert!(refused.contains(&second), "{refused}, not {second}");
+    assert!(refused.contains("`INI` and `RUN` are valid in the phase `run`; in a device"), "{refused}");
+    let wide = card("fn poll() {}");
+    for structure in ["INI.toml", "RUN.toml"] {
+        let path = wide.dir().join(structure);
+        let text = fs::read_to_string(&path).unwrap();
+        let moved = text.replace("name = 'w_PH', type = 'WORD'", "name = 'd_PH', type = 'DWORD'");
+        let moved = moved.replace("offset = 4,", "offset = 6,").replace("offset = 2,", "offset = 4,");
+        fs::write(&path, moved.replace(", { offset = 6, padding = 2 }", "")).unwrap();
+    }
+    change(&wide, "register = 'w_PH'", "register = 'd_PH'");
+    let (refused, register) = (wide.refused(), place(&wide, "'d_PH'"));
+    assert!(refused.contains(&format!("{register}`d_PH` shows the phase, so")), "{refused}, not {register}");
     let areas = card("fn poll() {}");
     let device = text(&areas);
     let line = device.lines().find(|line| line.starts_with("area = ")).unwrap();
     let area = line.trim_start_matches("area = [").trim_end_matches(']');
     let second = area.replace("name = 'card'", "name = 'second'").replace("first = 0", "first = 64");
     change(&areas, line, &format!("area = [{area}, {second}]"));
-    let refused = areas.refused();
-    assert!(refused.contains("has at most one such area"), "{refused}");
+    let (refused, other) = (areas.refused(), place(&areas, "'second'"));
+    assert!(refused.contains(&format!("{other}the areas `card` and `second` have structures")), "{refused}");
 }
 
 /// The rules are those of the valid structure, for writes through the channel and for stores in the image. Between the

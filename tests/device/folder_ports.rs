@@ -278,6 +278,27 @@ fn mistakes_about_a_profibus_master_are_refused() {
     }
 }
 
+/// The section of a card has no key for a PROFIBUS bus, so the port could never be connected.
+#[test]
+fn an_option_card_has_only_a_can_port() {
+    let parse = |kind: &str| {
+        let plant =
+            format!("[[plc]]\nname = 'line'\n[[plc.option]]\nname = 'card'\nslot = 1\ncard = '{kind}'\n");
+        PlantConfig::parse("p.toml", &plant).map_err(|error| error.to_string())
+    };
+    let kind = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm");
+    let right =
+        "a card can only have a port at can; remove this [[port]], or describe the device in a [[device]]";
+    assert_eq!(
+        parse(kind).unwrap_err(),
+        format!(
+            "p.toml: line 6: 'card' is no option card: {kind} has the port `dp` at profibus, and {right}"
+        )
+    );
+    let can = Card::with_port("fn trigger() { }");
+    assert!(parse(&can.dir().display().to_string()).is_ok());
+}
+
 /// Slaves that do not answer delay nothing, and no number of them is active.
 #[test]
 fn a_master_without_slaves_on_the_bus_continues() {

@@ -166,7 +166,7 @@ impl PlcScope {
         let is_given = |field: &Field| {
             words.iter().any(|word| word.split_once('=').is_some_and(|(name, _)| is_it(field, name)))
         };
-        let left = kind.all_fields().filter(|field| !is_given(field));
+        let left = kind.usable_fields().filter(|field| !is_given(field));
         left.map(|field| (format!("{}=", field.name()), field.about().to_owned())).collect()
     }
 

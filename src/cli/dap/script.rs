@@ -3,9 +3,8 @@
 use super::history::{Direction, History};
 use super::session::Event;
 use crate::layout::Fit;
-use crate::plant::PlantConfig;
 use crate::script::debug::{DebugFrame, Place, Resume, ScriptDebugger, StopReason, StoppedScript, Visit};
-use crate::script::{Bench, Limits, run_debugged, spawn_with_stack};
+use crate::script::{Bench, Limits, UnnamedPlant, run_debugged, spawn_with_stack};
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 use serde_json::{Value, json};
@@ -60,7 +59,8 @@ pub(super) struct Launch {
     pub stop_on_entry: bool,
     /// False if the editor runs the scenario without debugging: only a pause stops it.
     pub is_debugged: bool,
-    pub device: Option<(String, PlantConfig)>,
+    /// The plant, if the scenario names none and gets another one than the built-in plant.
+    pub device: Option<UnnamedPlant>,
     pub time_us: u64,
 }
 

@@ -2,7 +2,7 @@
 
 use super::history::Direction;
 use super::script::{self, AREAS, Command, Launch, Question, Shared, VARIABLES, real_path};
-use crate::cli::test::scenario::plant_of;
+use crate::cli::test::scenario::{plant_of, unnamed_plant};
 use crate::cli::test::verdict;
 use crate::input_file;
 use crate::script::debug::{DebugFrame, Resume, StopReason, lines_of_statements};
@@ -276,8 +276,11 @@ impl Session {
             other => return Err(format!("maxTime: {other} is no time; right is a text such as \"1h\"")),
         };
         let device = match &arguments["device"] {
-            Value::Null => None,
-            Value::String(dir) => Some(plant_of(Path::new(dir)).map_err(|error| format!("device: {error}"))?),
+            Value::Null => unnamed_plant(None, &program),
+            Value::String(dir) => {
+                let (name, plant) = plant_of(Path::new(dir)).map_err(|error| format!("device: {error}"))?;
+                Some((name, Ok(plant)))
+            }
             other => return Err(format!("device: {other} is no text; name the folder of a device")),
         };
         let stop_on_entry = arguments["stopOnEntry"] == true;

@@ -180,18 +180,17 @@ impl Judge<'_> {
             });
             found.extend(refused.clone().map(|what| Mistake::error(named.range, what)));
         }
-        let is_value = |argument: &usize| {
-            view.argument_kind(call, *argument) == Some(ArgumentKind::Value)
-                && view.parameter(call, *argument) != Some("mask")
-        };
-        let arguments = (0..call.arguments.len()).filter(is_value);
+        let has_kind_value =
+            |argument: &usize| view.argument_kind(call, *argument) == Some(ArgumentKind::Value);
+        let is_pattern = (0..call.arguments.len()).any(|at| view.parameter(call, at) == Some("mask"));
+        let arguments = (0..call.arguments.len()).filter(has_kind_value);
         let values: Vec<_> = arguments.filter_map(|argument| view.value(call, argument)).collect();
         if values.is_empty() {
             return found;
         }
         let place = view.register_of(call).and_then(|register| scene.bench.find(register).ok());
         let refused = |(value, range)| {
-            let what = check::refused_value(place.as_ref()?.place(), &value)?;
+            let what = check::refused_value(place.as_ref()?.place(), &value, is_pattern)?;
             Some(Mistake::error(range, what))
         };
         found.extend(values.into_iter().filter_map(refused));

@@ -153,6 +153,14 @@ fn errors_have_the_messages_of_the_engine_and_their_place() {
             "poke(\"node2.w_CPU_CONTROL\", \"handshook\");",
             "0:28 node2.w_CPU_CONTROL (%MW3.200000): `handshook` is no number",
         ),
+        (
+            "wait_bits(\"node2.i_SW1_NR\", \"32768\", \"65536\", 5);",
+            "0:37 node2.i_SW1_NR (%MW3.200008): `65536` is out of range, a WORD holds 0 to 65535",
+        ),
+        (
+            "expect_bits(\"node2.i_SW1_NR\", 65536, \"32768\");",
+            "0:30 node2.i_SW1_NR (%MW3.200008): `65536 (16#10000)` is out of range",
+        ),
         ("step(\"1 day\");", "0:6 `1 day`: "),
         ("fault(\"lost_frame\");", "0:7 kind = \"lost_frame\": there is no such fault"),
         ("fault(\"lose_frame slot=X\");", "0:7 "),

@@ -33,7 +33,8 @@ const COMPLAINTS: usize = 4096;
 pub(crate) struct RunOptions {
     /// The instance to run on; `None` for a separate plant.
     pub attach: Option<String>,
-    /// Folder of the device for scenarios that name no plant. `None`: they get the built-in plant.
+    /// Folder of the device for scenarios that name no plant. `None`: a scenario in the directory `tests` of a device folder
+    /// gets this device, and another one the built-in plant.
     pub device: Option<PathBuf>,
     /// Limits of each scenario.
     pub limits: LimitArgs,

@@ -12,9 +12,10 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::devices::folder;
 use crate::devices::folder::edited::allow_further_folders;
+use crate::input_file::is_standard;
 use crate::memory::limits::space;
 use crate::plant::PlantConfig;
-use crate::script::{Bench, Limits, Outcome, Report, run_observed, with_stack};
+use crate::script::{Bench, Limits, Outcome, Report, UnnamedPlant, run_observed, with_stack};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -40,7 +41,7 @@ pub(crate) struct Args {
     /// Run on this running instance
     #[arg(long, value_name = "NAME", value_parser = crate::cli::instance_name)]
     attach: Option<String>,
-    /// Folder of the device that the scenario gets if it names no plant
+    /// Folder of the device that the scenario gets if it names no plant; without this option, the device in whose folder it is
     #[arg(long, value_name = "DIR", conflicts_with = "attach")]
     device: Option<PathBuf>,
     #[command(flatten)]
@@ -172,7 +173,10 @@ fn play(args: &Args, file: &Path) -> Result<(), CliError> {
         let _ = send(&Message::Section { name: name.into(), time_us });
     };
     let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
-    let plant = args.device.as_deref().map(plant_of).transpose()?;
+    let plant = match args.attach {
+        None => unnamed_plant(args.device.as_deref(), file),
+        Some(_) => None,
+    };
     send_report(run_observed(file, bench, plant, limits, print, sections))
 }
 
@@ -181,6 +185,27 @@ pub(in crate::cli) fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliE
     let dir = folder::find(Path::new(""), &dir.display().to_string())?;
     let text = folder::plant_alone(&dir, folder::load(&dir)?.registered.layout);
     Ok((format!("the device {}", dir.display()), PlantConfig::parse("the device", &text)?))
+}
+
+/// Returns the plant of a scenario that names none, if it is not the built-in one: the device in the folder `device`, or in
+/// whose folder the scenario is. If the device is wrong, only a scenario that needs this plant fails.
+pub(in crate::cli) fn unnamed_plant(device: Option<&Path>, file: &Path) -> Option<UnnamedPlant> {
+    let dir = device.map_or_else(|| device_of(file), |dir| Some(dir.to_owned()))?;
+    Some(match plant_of(&dir) {
+        Ok((name, plant)) => (name, Ok(plant)),
+        Err(error) => (format!("the device {}", dir.display()), Err(error.to_string())),
+    })
+}
+
+/// Returns the folder of the device whose directory `tests` contains the scenario.
+fn device_of(file: &Path) -> Option<PathBuf> {
+    if is_standard(file) {
+        return None;
+    }
+    let directory = Path::new(".").join(file.parent()?).canonicalize().ok()?;
+    let mut tests = directory.ancestors().filter(|directory| directory.ends_with("tests"));
+    let found = tests.find_map(|tests| tests.parent().filter(|above| above.join("device.toml").is_file()));
+    found.map(Path::to_owned)
 }
 
 /// Sends the report. If it is longer than the receiver accepts, sends a short report instead.

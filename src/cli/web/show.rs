@@ -205,7 +205,7 @@ fn fault_kinds(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Pro
 }
 
 fn kind_of_fault(kind: &'static FaultKind) -> Value {
-    let fields = kind.all_fields().map(|field| {
+    let fields = kind.usable_fields().map(|field| {
         let (least, most) = field.range();
         let (form, words): (_, &[&str]) = match field.form() {
             Form::Name => ("name", &[]),

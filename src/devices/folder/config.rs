@@ -237,17 +237,25 @@ impl DeviceConfig for FolderConfig {
         self.check_slaves()?;
         let Some(slot) = &self.slot else { return Ok(()) };
         range("trigger", &self.name, slot.trigger.into(), 1..=2, "1 or 2")?;
-        if self.folder.script.is_none() {
-            let dir = self.dir.display();
-            let reason =
-                format!("'{}' is no option card: {dir} has no firmware.rhai, which serves pulses", self.name);
-            return Err(BuildError::own(&self.name, "card", reason));
-        }
-        if phase::overlaid(self.folder.registered.layout).next().is_some() {
-            let reason = format!("'{}' is no option card: its structures overlay each other", self.name);
-            return Err(BuildError::own(&self.name, "card", reason));
-        }
-        Ok(())
+        let dir = self.dir.display();
+        let reason = if self.folder.script.is_none() {
+            format!("{dir} has no firmware.rhai, which serves pulses")
+        } else if phase::overlaid(self.folder.registered.layout).next().is_some() {
+            format!("the structures of {dir} overlay each other")
+        } else if let Some(port) = self.layout().ports.iter().find(|port| port.medium != can_bus::FAMILY) {
+            // The section of a card has only the key for a CAN bus (D-819).
+            format!(
+                "{dir} has the port `{}` at {}, and a card can only have a port at {}; remove this [[port]], or describe \
+                 the device in a [[device]]",
+                port.name,
+                port.medium,
+                can_bus::FAMILY
+            )
+        } else {
+            return Ok(());
+        };
+        let reason = format!("'{}' is no option card: {reason}", self.name);
+        Err(BuildError::own(&self.name, "card", reason))
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {

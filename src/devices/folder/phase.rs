@@ -4,14 +4,11 @@
 //! record is written before the next record of the device, so a script that enters a phase and then writes a register of
 //! this phase gets the name of this register in the journal.
 
-use super::FolderError;
 use super::card::Place;
 use crate::identity::DeviceIndex;
 use crate::journal::{Origin, State};
 use crate::layout::place::status_of;
-use crate::layout::{Area, DeviceLayout, RegisterPhase, RegisterRef, Width};
-use std::collections::HashSet;
-use std::path::Path;
+use crate::layout::{Area, DeviceLayout, RegisterRef};
 
 /// The area with overlaid structures, and the register that shows its phase.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +47,7 @@ impl KnownPhase {
             origin: Origin::of_device(plc),
             offset: place.offset,
             command: place.offset,
-            // `check` refuses wider registers.
+            // The layout of a folder has no wider register here.
             from: before as u16,
             to: now as u16,
             live,
@@ -62,32 +59,4 @@ impl KnownPhase {
 /// Returns the areas with structures that overlay each other, each with the register that shows its phase.
 pub(super) fn overlaid(layout: &'static DeviceLayout) -> impl Iterator<Item = (&'static Area, RegisterRef)> {
     layout.areas.iter().filter_map(|area| Some((area, status_of(area)?)))
-}
-
-/// Checks the structures that overlay each other.
-///
-/// # Errors
-/// [`FolderError::Table`]: several areas have such structures, two of them are valid in one phase, or the register that
-/// shows the phase has more than 16 bits.
-pub(super) fn check(dir: &Path, layout: &'static DeviceLayout) -> Result<(), FolderError> {
-    let mut overlaid = overlaid(layout);
-    let Some((area, status)) = overlaid.next() else { return Ok(()) };
-    let mut phases = HashSet::new();
-    let mut placed = area.structures.iter().filter(|placed| placed.live != RegisterPhase::ALWAYS);
-    let what = if let Some((other, _)) = overlaid.next() {
-        format!(
-            "the areas `{}` and `{}` have structures that overlay each other; a device in a folder has at most one such area",
-            area.name, other.name
-        )
-    } else if let Some(twice) = placed.find(|placed| !phases.insert(placed.live)) {
-        format!(
-            "area `{}`: `{}` is valid in the same phase as another structure; in each phase one structure is valid",
-            area.name, twice.structure.name
-        )
-    } else if status.address().width() == Width::Dword {
-        format!("`{}` shows the phase, so it has 8 or 16 bits", status.name())
-    } else {
-        return Ok(());
-    };
-    Err(FolderError::Table { path: dir.join("device.toml"), line: 1, what })
 }

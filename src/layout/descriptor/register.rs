@@ -164,6 +164,15 @@ impl RegType {
         matches!(self, RegType::Sint | RegType::Int | RegType::Dint)
     }
 
+    /// Returns the type of a bit pattern of this width.
+    pub(crate) const fn pattern(self) -> Self {
+        match self {
+            RegType::Byte | RegType::Sint | RegType::Usint => RegType::Byte,
+            RegType::Word | RegType::Int | RegType::Uint => RegType::Word,
+            RegType::Dword | RegType::Dint | RegType::Udint => RegType::Dword,
+        }
+    }
+
     /// Largest value as a bit pattern.
     #[must_use]
     pub const fn mask(self) -> u32 {

@@ -162,7 +162,7 @@ impl Bench {
     /// Parses the register, the mask and the value, and checks that they fit each other.
     fn masked(&self, text: &str, mask: Value, value: Value) -> Result<(Register, u32, u32), ScenarioError> {
         let register = self.whole_register(text)?;
-        let (mask, value) = (mask.bits(&register.place)?, value.bits(&register.place)?);
+        let (mask, value) = (mask.pattern(&register.place)?, value.pattern(&register.place)?);
         if value & !mask != 0 {
             let right = "the value has bits outside the mask, so this can never be".to_owned();
             return Err(ScenarioError::Argument { text: text.to_owned(), right });

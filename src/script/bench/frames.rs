@@ -104,20 +104,25 @@ fn identifier(id: u32, extended: bool) -> Result<Id, ScenarioError> {
     if extended { extended_id(id) } else { standard_id(id) }
 }
 
-/// Parses `44 33 .. 11`, or `*` for any data.
+/// Parses `44 33 .. 11` or `4433..11`, or `*` for any data.
 fn parse_data(text: &str) -> Result<Option<Vec<Option<u8>>>, ScenarioError> {
     if text.trim() == "*" {
         return Ok(None);
     }
-    let byte = |word: &str| match word {
-        ".." | "??" => Some(None),
-        _ if word.len() == 2 && !word.starts_with('+') => u8::from_str_radix(word, 16).ok().map(Some),
+    let digit = |letter: u8| char::from(letter).to_digit(16);
+    let byte = |pair: &[u8]| match *pair {
+        [b'.', b'.'] | [b'?', b'?'] => Some(None),
+        // Two digits give at most 255.
+        [high, low] => Some(Some((16 * digit(high)? + digit(low)?) as u8)),
         _ => None,
     };
-    let data: Option<Vec<_>> = text.split_whitespace().map(byte).collect();
+    // Blanks may only be between bytes, so each word has an even number of characters.
+    let pairs = text.split_whitespace().flat_map(|word| word.as_bytes().chunks(2));
+    let data: Option<Vec<_>> = pairs.map(byte).collect();
     data.filter(|data| data.len() <= 8).map(Some).ok_or_else(|| ScenarioError::Argument {
         text: text.to_owned(),
-        right: "write up to eight bytes of two hexadecimal digits, `..` for any byte, or `*` for any data"
+        right: "write up to eight bytes of two hexadecimal digits, for example `01 02 FF` or `0102FF`; `..` is any \
+                byte, and `*` any data"
             .to_owned(),
     })
 }
@@ -240,7 +245,9 @@ impl Bench {
     ) -> Result<(), ScenarioError> {
         let bytes = parse_data(data)?.and_then(|data| data.into_iter().collect::<Option<Vec<u8>>>());
         let payload = bytes.and_then(|bytes| Payload::new(&bytes)).ok_or_else(|| {
-            ScenarioError::argument(data, "data to be sent are up to eight bytes of two hexadecimal digits")
+            let right = "data to be sent are up to eight bytes of two hexadecimal digits, for example `01 02 FF`; `..` \
+                         and `*` are only for awaited frames";
+            ScenarioError::argument(data, right)
         })?;
         let frame = Frame::new(identifier(id, extended)?, payload);
         let bus = self.bus(bus)?;
@@ -356,7 +363,15 @@ mod tests {
         assert_eq!(parse_data("").unwrap(), Some(vec![]));
         assert_eq!(parse_data("0a .. FF").unwrap(), Some(vec![Some(10), None, Some(255)]));
         assert_eq!(parse_data("?? 7F").unwrap(), Some(vec![None, Some(127)]));
-        for wrong in ["1", "123", "GG", "0x1", "+1", "00 00 00 00 00 00 00 00 00"] {
+        // The notation of candump has no blanks.
+        assert_eq!(parse_data("0102fF").unwrap(), parse_data("01 02 FF").unwrap());
+        assert_eq!(parse_data("01..FF ??80").unwrap(), parse_data("01 .. FF .. 80").unwrap());
+        for wrong in
+            ["1", "123", "1 23", "0 1", "GG", "0x1", "0x12", "+1", "+101", ".", "...", "01*", "\u{e9}"]
+        {
+            assert!(parse_data(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["00 00 00 00 00 00 00 00 00", "000000000000000000"] {
             assert!(parse_data(wrong).is_err(), "{wrong}");
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use super::ask::Spot;
-use crate::journal::{By, Changed, Keep};
+use crate::journal::{By, Changed, Keep, Record};
 use crate::request::{Op, ranges};
 use crate::script::{ScenarioError, Value};
 use core::panic::Location;
@@ -48,18 +48,23 @@ impl Bench {
     /// There is no such register, or it is a single bit.
     pub fn history(&mut self, text: &str) -> Result<Vec<PastChange>, ScenarioError> {
         let register = self.whole_register(text)?;
-        let Spot { plc, offset, width } = register.spot;
+        let past = |(time_us, change): (u64, Changed)| {
+            let [from, to] = [change.from, change.to].map(|value| register.number(change.how.live, value));
+            PastChange { time_us, from, to, by: change.how.by }
+        };
+        Ok(self.changes_of(register.spot)?.into_iter().map(past).collect())
+    }
+
+    /// Returns the changes of a register with their times.
+    fn changes_of(
+        &mut self,
+        Spot { plc, offset, width }: Spot,
+    ) -> Result<Vec<(u64, Changed)>, ScenarioError> {
         let (records, _) = self.records(0)?;
-        let mut past = Vec::new();
-        for record in records {
-            let Some(change) = record.event.get::<Changed>() else { continue };
-            if let Some(change) = change.part(plc, offset, width) {
-                let [from, to] =
-                    [change.from, change.to].map(|value| register.number(change.how.live, value));
-                past.push(PastChange { time_us: record.time_us, from, to, by: change.how.by });
-            }
-        }
-        Ok(past)
+        let change = |record: &Record| {
+            Some((record.time_us, record.event.get::<Changed>()?.part(plc, offset, width)?))
+        };
+        Ok(records.iter().filter_map(change).collect())
     }
 
     /// Expects that a register has had exactly these values, in this order, since [`Bench::record`]. The value at the
@@ -79,9 +84,9 @@ impl Bench {
         let live = self.live(&register)?;
         let bits = |value: V| value.into().bits(&register.place);
         let wanted = values.into_iter().map(bits).collect::<Result<Vec<_>, _>>()?;
-        let held: Vec<_> = self.history(text)?.iter().map(|change| change.to).collect();
-        let numbers: Vec<_> = wanted.iter().map(|value| register.number(live, *value)).collect();
-        if held == numbers {
+        // The bits are compared: structures that overlay each other may have different types at one address.
+        let held: Vec<_> = self.changes_of(register.spot)?.into_iter().map(|(_, change)| change.to).collect();
+        if held == wanted {
             return Ok(());
         }
         let mut failure = self.failure(format!("{} has another history", register.name(live)), at)?;
@@ -89,11 +94,10 @@ impl Bench {
             let values: Vec<_> = values.map(|value| register.place.format(live, value)).collect();
             if values.is_empty() { "no change".to_owned() } else { values.join(", ") }
         };
-        let mask = register.spot.width.max_value();
         failure.register = Some(register.name(live));
         failure.address = Some(register.place.address().to_string());
         failure.expected = Some(list(&mut wanted.into_iter()));
-        failure.actual = Some(list(&mut held.into_iter().map(|value| value as u32 & mask)));
+        failure.actual = Some(list(&mut held.into_iter()));
         Err(failure.into())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::ask::Spot;
 use super::register::Register;
-use super::{Bench, Required};
+use super::{Bench, Required, RequiredState};
 use crate::devices;
 use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal, in_installation};
 use crate::plant::Forced;
@@ -66,7 +66,7 @@ impl Bench {
         let fault = spec.resolve(&kinds, &self.names)?;
         let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;
         if spec.required {
-            self.required.push(Required { number, text: text.to_owned(), place });
+            self.required.push(Required::new(number, text.to_owned(), place));
         }
         Ok(number)
     }
@@ -90,7 +90,22 @@ impl Bench {
     #[track_caller]
     pub fn expect_required_faults(&mut self) -> Result<(), ScenarioError> {
         let at = Location::caller();
-        if self.required.is_empty() {
+        self.note_required_faults()?;
+        let Some(missed) = self.required.iter().find(|it| it.state != RequiredState::HasActed) else {
+            return Ok(());
+        };
+        let Required { number, text, place, .. } = missed;
+        let (what, place) = (format!("fault {number} has not taken effect: {text}"), place.clone());
+        let mut failure = self.failure(what, at)?;
+        failure.location = place.or(failure.location);
+        failure.expected = Some("a hit, as the fault is required".to_owned());
+        failure.actual = Some("none".to_owned());
+        Err(failure.into())
+    }
+
+    /// Notes which required faults have taken effect. This is called before the plant forgets faults.
+    pub(super) fn note_required_faults(&mut self) -> Result<(), ScenarioError> {
+        if self.required.iter().all(|it| it.state != RequiredState::Known) {
             return Ok(());
         }
         let there = self.faults()?;
@@ -105,14 +120,21 @@ impl Bench {
             there.iter().any(|it| it.id == id && has_acted(it))
                 || over.iter().any(|it| it.id == id && has_effect(it))
         };
-        let Some(missed) = self.required.iter().find(|it| !struck(it.number)) else { return Ok(()) };
-        let Required { number, text, place } = missed;
-        let (what, place) = (format!("fault {number} has not taken effect: {text}"), place.clone());
-        let mut failure = self.failure(what, at)?;
-        failure.location = place.or(failure.location);
-        failure.expected = Some("a hit, as the fault is required".to_owned());
-        failure.actual = Some("none".to_owned());
-        Err(failure.into())
+        let known = self.required.iter_mut().filter(|it| it.state == RequiredState::Known);
+        known.filter(|it| struck(it.number)).for_each(|it| it.state = RequiredState::HasActed);
+        Ok(())
+    }
+
+    /// Notes which required faults the plant does not have after a return to an earlier moment.
+    pub(super) fn forget_required_faults(&mut self) -> Result<(), ScenarioError> {
+        if self.required.iter().all(|it| it.state != RequiredState::Known) {
+            return Ok(());
+        }
+        let there = self.faults()?;
+        let is_gone = |it: &&mut Required| there.iter().all(|fault| fault.id != it.number);
+        let known = self.required.iter_mut().filter(|it| it.state == RequiredState::Known);
+        known.filter(is_gone).for_each(|it| it.state = RequiredState::Gone);
+        Ok(())
     }
 
     /// Returns the faults that wait or act, in the order in which they were added.
@@ -129,6 +151,7 @@ impl Bench {
     /// There is no such fault. The fault may have ended.
     pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
         let id = NonZeroU16::new(number).ok_or(Refused::from(Refusal::UnknownFault { id: number }))?;
+        self.note_required_faults()?;
         self.ask(Op::FaultClear { id: Some(id) })?.faults_cleared()?;
         Ok(())
     }
@@ -138,6 +161,7 @@ impl Bench {
     /// # Errors
     /// The emulator of the instance has ended.
     pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
+        self.note_required_faults()?;
         self.ask(Op::FaultClear { id: None })?.faults_cleared()?;
         Ok(())
     }

@@ -159,6 +159,44 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     bench.expect_required_faults()
 }
 
+/// The end of a scenario knows the effect of a fault without hits that was cleared before.
+#[test]
+fn a_required_fault_that_was_cleared_has_taken_effect_if_it_had_begun() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    let first = bench.fault("slave_off slave=1 required")?;
+    bench.step("4ms")?;
+    bench.clear_fault(first)?;
+    bench.expect_required_faults()?;
+    bench.fault("slave_off slave=2 required")?;
+    bench.step("4ms")?;
+    bench.clear_faults()?;
+    bench.expect_required_faults()?;
+    bench.fault("slave_off slave=3 at=1000s required")?;
+    bench.step("4ms")?;
+    bench.clear_faults()?;
+    assert!(failure(bench.expect_required_faults()).what.starts_with("fault 3 has not taken effect"));
+    Ok(())
+}
+
+/// A return to an earlier moment does not undo that a fault has taken effect, and gives the number to another fault.
+#[test]
+fn a_required_fault_has_taken_effect_also_after_a_return() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    let saved = bench.save()?;
+    bench.fault("lose_sync count=1 required")?;
+    bench.step("4ms")?;
+    bench.back_to(saved)?;
+    bench.expect_required_faults()?;
+    bench.fault("lose_frame id=16#7FF required")?;
+    bench.step("4ms")?;
+    bench.back_to(saved)?;
+    assert_eq!(bench.fault("lose_sync count=1 required")?, 1);
+    bench.step("4ms")?;
+    let missed = failure(bench.expect_required_faults());
+    assert_eq!(missed.what, "fault 1 has not taken effect: lose_frame id=16#7FF required");
+    Ok(())
+}
+
 #[test]
 fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
     let plant = |required| {

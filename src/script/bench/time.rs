@@ -60,8 +60,9 @@ impl Bench {
     /// # Errors
     /// There is no such snapshot, or a client of a running instance takes part and cannot go back.
     pub fn back_to(&mut self, saved: u32) -> Result<(), ScenarioError> {
+        self.note_required_faults()?;
         self.ask(Op::BackTo { number: saved, detached: false })?.time()?;
-        Ok(())
+        self.forget_required_faults()
     }
 
     /// Returns the time in microseconds, if it is within the limit of the scenario.

@@ -22,8 +22,8 @@ pub(crate) fn is_plant_text(text: &str) -> bool {
 pub(crate) struct Stage {
     /// The plant with its verbs; `None` until the first verb.
     bench: Option<Bench>,
-    /// The plant for a script that does not call the verb `plant`; `None` means the built-in plant.
-    unnamed: Option<PlantConfig>,
+    /// The plant for a script that does not call the verb `plant`, or the error in it; `None` means the built-in plant.
+    unnamed: Option<Result<PlantConfig, String>>,
     /// True if the bench belongs to a running instance.
     attached: bool,
     /// True if a debugger has used the plant, but no verb of the script has.
@@ -185,7 +185,8 @@ impl Stage {
     /// Creates the plant of a script that has not called `plant`.
     fn new_bench(&self) -> Result<Bench, ScenarioError> {
         let bench = match &self.unnamed {
-            Some(plant) => Bench::new(plant)?,
+            Some(Ok(plant)) => Bench::new(plant)?,
+            Some(Err(reason)) => return Err(ScenarioError::argument(&self.plant_name, reason)),
             None => Bench::built_in()?,
         };
         Ok(self.limited(bench))

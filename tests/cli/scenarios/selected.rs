@@ -3,6 +3,7 @@
 use super::*;
 use crate::common::{eventually, wait_for};
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::Stdio;
 use std::sync::{Arc, Mutex};
 
@@ -48,6 +49,34 @@ fn subfolders_filters_and_shards_say_which_scenarios_run() {
     assert!(none.fails(2).contains("write a whole number, 1 or more"), "{}", none.err);
     let part = scripts.run(&["common"]);
     assert_eq!(part.code, Some(1), "no scenario there imports it: {}", part.out);
+}
+
+/// A scenario in the folder of a device needs the device, and not the built-in plant.
+#[test]
+fn scenarios_in_a_device_folder_get_its_device() {
+    let scripts = Scripts::new(&[("first.rhai", GOOD)]);
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/mailbox");
+    let card = scripts.0.path().join("cards/mailbox");
+    std::fs::create_dir_all(card.join("tests/more")).unwrap();
+    for entry in std::fs::read_dir(&example).unwrap().chain(std::fs::read_dir(example.join("tests")).unwrap())
+    {
+        let path = entry.unwrap().path();
+        if path.is_file() {
+            let place = path.strip_prefix(&example).unwrap();
+            std::fs::copy(&path, card.join(place)).unwrap();
+        }
+    }
+    std::fs::write(card.join("tests/more/box.rhai"), "expect(\"box.w_FUNCTION\", 0);").unwrap();
+    let built_in = "plant(\"[[plc]]\\nname = 'line'\\n\"); expect(\"node1.w_CPU_CONTROL\", 0);";
+    std::fs::write(card.join("tests/own.rhai"), built_in).unwrap();
+    scripts.run(&["."]).ok();
+    // Only the scenarios that need a wrong device fail, with its message.
+    std::fs::write(card.join("firmware.rhai"), "fn poll( {}").unwrap();
+    let outcome = scripts.run(&["."]);
+    assert_eq!(outcome.code, Some(2), "{}{}", outcome.out, outcome.err);
+    assert!(outcome.out.contains("cards/mailbox/firmware.rhai:1: "), "{}", outcome.out);
+    let passed = outcome.out.lines().filter(|line| line.starts_with("passed"));
+    assert_eq!(passed.count(), 2, "{}", outcome.out);
 }
 
 #[test]

@@ -92,6 +92,17 @@ pub enum Reason {
         "`{register}` shows the phase, and so has one offset in `{structure}` and in `{other}`, which lies over it"
     )]
     PhaseRegisterMoved { structure: String, other: String, register: String },
+    #[error(
+        "the areas `{0}` and `{1}` have structures that overlay each other; a device in a folder has at most one such area"
+    )]
+    PhasesOfAreas(String, String),
+    #[error(
+        "area `{area}`: `{structure}` and `{other}` are valid in the phase `{phase}`; in a device in a folder, one \
+         structure is valid in each phase"
+    )]
+    PhaseTaken { area: String, structure: String, other: String, phase: String },
+    #[error("`{0}` shows the phase, so in a device in a folder it has 8 or 16 bits")]
+    WidePhaseRegister(String),
     #[error("unknown block `{0}`; blocks are defined in the files that `parts` of device.toml lists")]
     UnknownBlock(String),
     #[error("unknown meaning `{0}`; meanings are defined in the files that `parts` of device.toml lists")]

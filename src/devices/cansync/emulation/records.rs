@@ -326,8 +326,7 @@ impl EventText for InitRefused {
 impl EventText for SlaveStatus {
     fn text(&self, reader: &mut Reader) -> String {
         let register = reader.of_port(self.origin, &format!("a_STAT_SL[{}]", self.slave));
-        let status = self.status.into();
-        format!("{} {}, {}", register.label(), register.value(status), register.meaning(status))
+        format!("{} {}", register.label(), register.explained(self.status.into()))
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {

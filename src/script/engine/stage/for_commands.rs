@@ -1,6 +1,7 @@
 //! What the commands of the program need of a stage: the debugger, and reports with sections.
 
 use super::Stage;
+use crate::devices::folder;
 use crate::plant::PlantConfig;
 use crate::script::{Bench, ScenarioError};
 
@@ -35,8 +36,11 @@ impl Stage {
     }
 
     /// Sets the plant for a script that does not call `plant`. Reports call this plant `name`.
-    pub(crate) fn set_unnamed(&mut self, name: &str, plant: PlantConfig) {
+    pub(crate) fn set_unnamed(&mut self, name: &str, plant: Result<PlantConfig, String>) {
         name.clone_into(&mut self.plant_name);
+        let devices = plant.as_ref().map_or(&[][..], |plant| &plant.devices[..]);
+        self.plant_files
+            .extend(devices.iter().filter_map(|device| device.folder()).flat_map(folder::files_of));
         self.unnamed = Some(plant);
     }
 }

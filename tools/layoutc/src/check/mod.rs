@@ -65,6 +65,9 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let phases = phase::check(sources, of_family, (file, raw.phase.as_ref()))?;
     let of = area::Types { structures: &all.structures, subs: &all.substructures, phases: phases.as_ref() };
     let mut areas = area::check(sources, file, (&raw.area, &raw.names), &spaces, &of)?;
+    if sources.is_folder() {
+        folder::check_phases(sources, file, &raw, &all.structures)?;
+    }
     space::close(sources, file, &raw.space, &mut spaces, &areas)?;
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);

@@ -84,6 +84,18 @@ fn ports_of_a_folder() {
     }
 }
 
+/// Only the code of a device can find out which structure is valid in other cases.
+#[test]
+fn structures_that_overlay_each_other_in_a_folder() {
+    let dir = plain();
+    replace(dir.path(), "live = \"cyclic\"", "live = \"init\"");
+    assert_eq!(
+        error_of(dir.path()),
+        "device.toml:19:27: area `node`: `CTRL` and `INIT` are valid in the phase `init`; in a device in a folder, one \
+         structure is valid in each phase"
+    );
+}
+
 #[test]
 fn files_outside_of_the_folder() {
     for outside in ["../INIT", "/etc/passwd", "sub/../../INIT"] {
