@@ -45,34 +45,42 @@ impl Bench {
     /// Returns the changes of a register since [`Bench::record`] that the journal still keeps.
     ///
     /// # Errors
-    /// There is no such register, or it is a single bit.
+    /// There is no such register, it is a single bit, or it is not recorded.
     pub fn history(&mut self, text: &str) -> Result<Vec<PastChange>, ScenarioError> {
         let register = self.whole_register(text)?;
         let past = |(time_us, change): (u64, Changed)| {
             let [from, to] = [change.from, change.to].map(|value| register.number(change.how.live, value));
             PastChange { time_us, from, to, by: change.how.by }
         };
-        Ok(self.changes_of(register.spot)?.into_iter().map(past).collect())
+        Ok(self.changes_of(text, register.spot)?.into_iter().map(past).collect())
     }
 
-    /// Returns the changes of a register with their times.
+    /// Returns the changes of a register with their times. `text` is the name in the scenario.
     fn changes_of(
         &mut self,
+        text: &str,
         Spot { plc, offset, width }: Spot,
     ) -> Result<Vec<(u64, Changed)>, ScenarioError> {
         let (records, _) = self.records(0)?;
         let change = |record: &Record| {
             Some((record.time_us, record.event.get::<Changed>()?.part(plc, offset, width)?))
         };
-        Ok(records.iter().filter_map(change).collect())
+        let changes: Vec<_> = records.iter().filter_map(change).collect();
+        // Without a recording, an empty list would say that the register has not changed.
+        if changes.is_empty() && self.ask(Op::IsRecorded { plc, offset })?.value()? == 0 {
+            let right = "this register is not recorded; call `record` before the changes, and again after `back_to` a moment \
+                         before the call";
+            return Err(ScenarioError::Argument { text: text.to_owned(), right: right.to_owned() });
+        }
+        Ok(changes)
     }
 
     /// Expects that a register has had exactly these values, in this order, since [`Bench::record`]. The value at the
     /// call of `record` is not part of the list.
     ///
     /// # Errors
-    /// The register has held other values; there is no such register, it is a single bit, or it cannot hold one of the
-    /// values.
+    /// The register has held other values; there is no such register, it is a single bit, it is not recorded, or it cannot
+    /// hold one of the values.
     #[track_caller]
     pub fn expect_history<V: Into<Value>>(
         &mut self,
@@ -85,7 +93,8 @@ impl Bench {
         let bits = |value: V| value.into().bits(&register.place);
         let wanted = values.into_iter().map(bits).collect::<Result<Vec<_>, _>>()?;
         // The bits are compared: structures that overlay each other may have different types at one address.
-        let held: Vec<_> = self.changes_of(register.spot)?.into_iter().map(|(_, change)| change.to).collect();
+        let held: Vec<_> =
+            self.changes_of(text, register.spot)?.into_iter().map(|(_, change)| change.to).collect();
         if held == wanted {
             return Ok(());
         }

@@ -215,6 +215,20 @@ fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
 #[test]
 fn intermediate_values_of_a_recorded_register_are_known() -> Result<(), ScenarioError> {
     let mut bench = Bench::built_in()?;
+    let start = bench.save()?;
+    let unrecorded = |bench: &mut Bench| {
+        let errors = [
+            bench.history("node2.w_CPU_CONTROL").unwrap_err(),
+            bench.expect_history("node2.w_CPU_CONTROL", [0; 0]).unwrap_err(),
+        ];
+        for error in errors.map(|error| error.to_string()) {
+            assert!(error.starts_with("`node2.w_CPU_CONTROL`: this register is not recorded"), "{error}");
+        }
+    };
+    unrecorded(&mut bench);
+    bench.record("node2")?;
+    bench.back_to(start)?;
+    unrecorded(&mut bench);
     bench.record("node2")?;
     bench.record("node2.w_OPTION_STATUS")?;
     assert!(bench.history("node2.w_CPU_CONTROL")?.is_empty());
