@@ -1,7 +1,6 @@
 //! The words that the firmware wrote last, for comparison with the cells of the image.
 
 use crate::memory::{Block, Cell64, LINE, LineMarks, Segment};
-use core::ops::Range;
 
 /// Number of words of a line.
 const LINE_WORDS: usize = LINE / size_of::<u64>();
@@ -35,16 +34,6 @@ impl Baseline {
     #[inline]
     fn marks(&self) -> Option<&LineMarks> {
         self.marks.as_ref().filter(|marks| marks.are_complete())
-    }
-
-    /// Calls `visit` for the words among the first `count` words that may differ from their cells: words without marks, and
-    /// those of marked lines.
-    #[inline]
-    fn each_marked(&self, marks: &LineMarks, count: usize, mut visit: impl FnMut(Range<usize>)) {
-        let (first, lines) = lines_within(self.unmarked, count);
-        visit(0..first);
-        marks.each_marked(lines, |line| visit(words_of(first, line)));
-        visit(first + lines * LINE_WORDS..count);
     }
 
     /// Word number `index`; 0 after the last one.
@@ -87,16 +76,13 @@ impl Baseline {
         let Some(marks) = self.marks.as_ref().filter(|marks| marks.are_complete()) else {
             return self.copy(now);
         };
-        let words = Block::words_of_mut(&mut self.blocks);
-        let mut copy = |range: Range<usize>| {
-            if let (Some(left), Some(now)) = (words.get_mut(range.clone()), now.get(range)) {
-                left.iter_mut().zip(now).for_each(|(left, now)| *left = now.load());
-            }
-        };
-        let (first, lines) = lines_within(self.unmarked, now.len());
-        copy(0..first);
-        marks.take(lines, |line| copy(words_of(first, line)));
-        copy(first + lines * LINE_WORDS..now.len());
+        let left = Block::words_of_mut(&mut self.blocks);
+        let (before, left) = left.split_at_mut(self.unmarked.min(left.len()));
+        let (lines, after) = left.as_chunks_mut::<LINE_WORDS>();
+        let now = Lines::of(now, self.unmarked);
+        load(before, now.before);
+        marks.take(now.lines.len(), |line| load(&mut lines[line], &now.lines[line]));
+        load(lines.get_mut(now.lines.len()).map_or(after, |line| line), now.after);
     }
 
     /// Collects the words that differ, with their present values; compares one word for each cell.
@@ -118,14 +104,17 @@ impl Baseline {
     #[inline]
     pub(crate) fn compare_marked(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
         let Some(marks) = self.marks() else { return self.compare(now, changed) };
-        let left = Block::words_of(&self.blocks);
-        self.each_marked(marks, now.len(), |range| {
-            if let (Some(left), Some(now)) = (left.get(range.clone()), now.get(range.clone()))
-                && left.iter().zip(now).fold(0, |differs, (left, now)| differs | left ^ now.load()) != 0
-            {
-                collect(range.start, left, now, changed);
+        let left = Lines::of(Block::words_of(&self.blocks), self.unmarked);
+        let cells = Lines::of(now, self.unmarked);
+        collect(0, left.before, cells.before, changed);
+        marks.each_marked(cells.lines.len(), |line| {
+            let (left, now) = (&left.lines[line], &cells.lines[line]);
+            if differing(left, now, &[u64::MAX; LINE_WORDS]) != 0 {
+                collect(self.unmarked + line * LINE_WORDS, left, now, changed);
             }
         });
+        let first = now.len() - cells.after.len();
+        collect(first, left.following(&cells), cells.after, changed);
         #[cfg(test)]
         {
             let mut all = Vec::new();
@@ -141,33 +130,53 @@ impl Baseline {
             let (now, _) = now.as_chunks();
             return Block::differ_in(&self.blocks, now, watched);
         };
-        let [left, watched] = [&self.blocks, watched].map(Block::words_of);
-        let mut differing = 0;
-        self.each_marked(marks, now.len(), |range| {
-            if let (Some(left), Some(now), Some(watched)) =
-                (left.get(range.clone()), now.get(range.clone()), watched.get(range))
-            {
-                let words = left.iter().zip(now).zip(watched);
-                differing |= words.fold(0, |all, ((left, now), watched)| all | (left ^ now.load()) & watched);
-            }
+        let [left, watched] =
+            [&self.blocks, watched].map(|blocks| Lines::of(Block::words_of(blocks), self.unmarked));
+        let now = Lines::of(now, self.unmarked);
+        let mut all = differing(left.before, now.before, watched.before);
+        marks.each_marked(now.lines.len().min(watched.lines.len()), |line| {
+            all |= differing(&left.lines[line], &now.lines[line], &watched.lines[line]);
         });
-        differing != 0
+        (all | differing(left.following(&now), now.after, watched.following(&now))) != 0
     }
 }
 
-/// Returns the number of words before the first whole line of `count` words, and the number of whole lines. `unmarked` words
-/// are before the first line with a mark.
-#[inline]
-fn lines_within(unmarked: usize, count: usize) -> (usize, usize) {
-    let first = unmarked.min(count);
-    (first, (count - first) / LINE_WORDS)
+/// Consecutive words, divided into lines.
+struct Lines<'a, T> {
+    /// Words before the first line with a mark.
+    before: &'a [T],
+    lines: &'a [[T; LINE_WORDS]],
+    /// Words after the last whole line.
+    after: &'a [T],
 }
 
-/// Returns the words of a line; the first line begins at word `first`.
+impl<'a, T> Lines<'a, T> {
+    /// Divides words. `unmarked` words are before the first line with a mark.
+    #[inline]
+    fn of(words: &'a [T], unmarked: usize) -> Self {
+        let (before, words) = words.split_at(unmarked.min(words.len()));
+        let (lines, after) = words.as_chunks();
+        Lines { before, lines, after }
+    }
+
+    /// Returns the words in the place of `shorter.after`.
+    #[inline]
+    fn following<U>(&self, shorter: &Lines<'_, U>) -> &'a [T] {
+        self.lines.get(shorter.lines.len()).map_or(self.after, |line| line)
+    }
+}
+
+/// Loads the values of the cells, until the shorter slice ends.
 #[inline]
-fn words_of(first: usize, line: usize) -> Range<usize> {
-    let start = first + line * LINE_WORDS;
-    start..start + LINE_WORDS
+fn load(left: &mut [u64], now: &[Cell64]) {
+    left.iter_mut().zip(now).for_each(|(left, now)| *left = now.load());
+}
+
+/// Returns the differing bits of all words, of the bits in `watched`.
+#[inline]
+fn differing(left: &[u64], now: &[Cell64], watched: &[u64]) -> u64 {
+    let words = left.iter().zip(now).zip(watched);
+    words.fold(0, |all, ((left, now), watched)| all | (left ^ now.load()) & watched)
 }
 
 /// Adds the words that differ. `first` is the index of the first word.

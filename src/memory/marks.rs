@@ -183,15 +183,19 @@ impl LineMarks {
         self.backing.slot().is_some_and(|slot| !slot.is_exposed.load(Ordering::Relaxed))
     }
 
-    /// Returns the marks of the lines from `first` on, of the first `end` lines of the word that contains the first mark.
+    /// Returns the marks in the word `first` bytes after the first word, up to byte `end`.
     #[inline]
     fn word(&self, first: usize, end: usize) -> u64 {
         // SAFETY: the word contains a mark of this slot, which `backing` keeps, and marks of slots begin and end with a
         // page.
-        let word = u64::from_le(unsafe { u64::load(ptr::with_exposed_provenance(self.first + first)) });
-        let others = if first == 0 { self.skipped } else { 0 };
-        let following = WORD.saturating_sub(end - first);
-        word & (u64::MAX << (8 * others)) & (u64::MAX >> (8 * following))
+        let mut word = u64::from_le(unsafe { u64::load(ptr::with_exposed_provenance(self.first + first)) });
+        if first == 0 {
+            word &= u64::MAX << (8 * self.skipped);
+        }
+        if end - first < WORD {
+            word &= u64::MAX >> (8 * (WORD - (end - first)));
+        }
+        word
     }
 
     /// Returns the end of the first `count` marks in the words from the first one on.
@@ -214,27 +218,29 @@ impl LineMarks {
     #[inline]
     pub(crate) fn take(&self, count: usize, mut read: impl FnMut(usize)) {
         let end = self.end(count);
-        for first_of_group in (0..end).step_by(GROUP) {
+        let mut first = 0;
+        while first < end {
+            if self.word(first, end) == 0 {
+                first += WORD;
+                continue;
+            }
             let mut group = [0; GROUP / WORD];
-            let words = || (first_of_group..end).step_by(WORD);
-            let mut is_marked = false;
+            let words = || (first..end).step_by(WORD);
             for (word, first) in group.iter_mut().zip(words()) {
                 *word = self.word(first, end);
-                is_marked |= *word != 0;
                 each_mark(*word, |mark| {
                     let at = ptr::with_exposed_provenance_mut(self.first + first + mark);
                     // SAFETY: the mark belongs to this slot, which `backing` keeps.
                     unsafe { u8::store(at, 0) }
                 });
             }
-            if is_marked {
-                // Otherwise the processor could read a line before the mark is cleared for all others, so that a store
-                // between loses its mark.
-                fence(Ordering::SeqCst);
-                for (word, first) in group.into_iter().zip(words()) {
-                    each_mark(word, |mark| read(first + mark - self.skipped));
-                }
+            // Otherwise the processor could read a line before the mark is cleared for all others, so that a store between
+            // loses its mark.
+            fence(Ordering::SeqCst);
+            for (word, first) in group.into_iter().zip(words()) {
+                each_mark(word, |mark| read(first + mark - self.skipped));
             }
+            first += GROUP;
         }
     }
 
