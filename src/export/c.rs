@@ -3,6 +3,7 @@
 
 use super::constants;
 use super::members::{self, Member};
+use super::names::UsedNames;
 use super::scope::Scope;
 use super::text;
 #[cfg(feature = "cli")]
@@ -11,6 +12,7 @@ use crate::layout::{AreaStructure, RegType, format_value};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, Codes, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 const PROLOGUE: &str = include_str!("c/prologue.h");
@@ -18,15 +20,16 @@ const ATTACH: &str = include_str!("c/attach.h");
 const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
-/// Words of C and C++, and macros of their standard headers. A register of a device folder or a field of the header
-/// page can have such a name, but a field in C cannot.
+/// Words of C and C++, macros of their standard headers, and the types of registers. A register of a device folder or a
+/// field of the header page can have such a name. A field in C cannot, and a field in C++ cannot have the name of a type
+/// that its structure uses.
 const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor bool break case catch char char8_t char16_t \
     char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue \
     decltype default delete do double dynamic_cast else enum EOF errno explicit export extern false float for friend goto if \
-    inline int linux long mutable namespace new noexcept not not_eq nullptr NULL offsetof operator or or_eq private \
+    inline int int8_t int16_t int32_t linux long mutable namespace new noexcept not not_eq nullptr NULL offsetof operator or or_eq private \
     protected public register reinterpret_cast requires restrict return short signed sizeof static static_assert \
     static_cast stderr stdin stdout struct switch template this thread_local throw true try typedef typeid typename typeof typeof_unqual \
-    union unix unsigned using virtual void volatile wchar_t while xor xor_eq";
+    uint8_t uint16_t uint32_t union unix unsigned using virtual void volatile wchar_t while xor xor_eq";
 
 /// Macros without arguments that the included headers of the system define (glibc 2.36, gcc 12), except [`FAMILIES`].
 const MACROS: &str = include_str!("c/macros.txt");
@@ -50,7 +53,8 @@ pub(crate) fn header(scope: &Scope, format: &str, prefix: &str) -> String {
     out.push_str(" */\n");
     out.push_str(PROLOGUE);
     header_page(&mut out, scope);
-    meanings(&mut out, scope);
+    let mut macros = UsedNames::default();
+    meanings(&mut out, &mut macros, scope);
     let structures = scope.structures();
     out.push_str("\n/* Registers. */\n");
     for group in members::groups(&structures) {
@@ -71,7 +75,7 @@ pub(crate) fn header(scope: &Scope, format: &str, prefix: &str) -> String {
     }
     out.push_str(ATTACH);
     out.push_str(TASKS);
-    places(&mut out, prefix, scope);
+    places(&mut out, &mut macros, prefix, scope);
     out.push_str(EPILOGUE);
     out
 }
@@ -125,7 +129,7 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     assert_size(out, &name, of.bytes as u32);
 }
 
-fn meanings(out: &mut String, scope: &Scope) {
+fn meanings(out: &mut String, macros: &mut UsedNames, scope: &Scope) {
     out.push_str("\n/* Values and bits, named after what they mean. */\n");
     for (meaning, register) in scope.meanings() {
         let constants = constants::of(meaning);
@@ -136,7 +140,7 @@ fn meanings(out: &mut String, scope: &Scope) {
         for constant in constants {
             let value =
                 if constant.is_shift { constant.value.to_string() } else { hex(register.ty, constant.value) };
-            let name = free_name(&format!("COMMRAM_{}", constant.name));
+            let name = macros.add(free_name(&format!("COMMRAM_{}", constant.name)));
             let _ = writeln!(out, "#define {name} {value} /* {} */", constant.text);
         }
     }
@@ -160,17 +164,22 @@ fn structure(
     let name = &free_name(&format!("{prefix}{name}"));
     let _ = writeln!(out, "\n/* {remark} */\ntypedef struct {name} {{");
     let mut asserts = String::new();
+    let types = members.iter().filter_map(|member| match member {
+        Member::Group(group) => Some(free_name(&format!("{prefix}{}", group.type_name()))),
+        _ => None,
+    });
+    let mut fields = UsedNames::of(types);
     for member in members {
         let (declaration, field, offset) = match member {
             Member::Register(register) => {
                 let dims = text::bounds(members::own_dims(register));
                 let remark = text::remark(register);
-                let (ty, name) = (c_type(register.ty), field_name(register.name));
+                let (ty, name) = (c_type(register.ty), fields.add(field_name(register.name)));
                 (format!("COMMRAM_CELL({ty}) {name}{dims}; /* {remark} */"), name, register.offset - start)
             }
             Member::Group(group) => {
                 let dims = text::bounds(group.dims());
-                let name = field_name(group.member_name());
+                let name = fields.add(field_name(group.member_name()));
                 let of = free_name(&format!("{prefix}{}", group.type_name()));
                 (format!("{of} {name}{dims};"), name, group.offset())
             }
@@ -210,21 +219,36 @@ pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> 
     let has_it = |placed: &&AreaStructure| placed.structure.registers.iter().any(|it| it.name == bare);
     let placed = area.structures.iter().find(has_it)?;
     let index = register.strip_prefix(bare)?;
-    Some(format!("{}(&ram)->{}{index}", accessor(placed), field_name(bare)))
+    let scope = Scope::new(device, None).ok()?;
+    Some(format!("{}(&ram)->{}{index}", accessor(placed, &type_names(&scope, "")), field_name(bare)))
 }
 
-/// Returns the name of the function that returns a structure in an image.
-fn accessor(placed: &AreaStructure) -> String {
-    free_name(&format!("commram{}", placed.variable))
+/// Returns the names of the types of a header. Functions cannot have these names.
+fn type_names(scope: &Scope, prefix: &str) -> BTreeSet<String> {
+    let structures = scope.structures();
+    let groups = members::groups(&structures).into_iter().map(|group| group.type_name());
+    let names = structures.iter().map(|of| of.name).chain(groups);
+    names.map(|name| free_name(&format!("{prefix}{name}"))).collect()
+}
+
+/// Returns the name of the function that returns a structure in an image. `types` are the names of the types.
+fn accessor(placed: &AreaStructure, types: &BTreeSet<String>) -> String {
+    let mut name = free_name(&format!("commram{}", placed.variable));
+    while types.contains(&name) {
+        name.push('_');
+    }
+    name
 }
 
 /// Generates the offsets of the structures, and functions that return the structures of an image.
-fn places(out: &mut String, prefix: &str, scope: &Scope) {
+fn places(out: &mut String, macros: &mut UsedNames, prefix: &str, scope: &Scope) {
+    let types = type_names(scope, prefix);
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {
-        let name = free_name(&format!("COMMRAM_{}", constants::upper(area.name)));
+        let name = macros.add(free_name(&format!("COMMRAM_{}", constants::upper(area.name))));
         let _ = writeln!(out, "#define {name} {}u /* {} */", area.first, area.doc);
-        let _ = writeln!(out, "#define {name}_BYTES {}u", area.bytes);
+        let size = macros.add(free_name(&format!("{name}_BYTES")));
+        let _ = writeln!(out, "#define {size} {}u", area.bytes);
     }
     for (area, placed) in scope.placed() {
         let doc = placed.structure.doc;
@@ -235,7 +259,7 @@ fn places(out: &mut String, prefix: &str, scope: &Scope) {
             out,
             "\n/* {doc}{live}. */\nstatic inline {name} *{}(const commram *ram)\n{{\n    \
              return ({name} *)(ram->base + {}u);\n}}",
-            accessor(placed),
+            accessor(placed, &types),
             area.first
         );
     }
@@ -253,9 +277,14 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
+/// True if `name` is `word` with any number of `_` appended. Such names get one `_` more, so that they stay different.
+fn is_base(word: &str, name: &str) -> bool {
+    name.strip_prefix(word).is_some_and(|rest| rest.bytes().all(|sign| sign == b'_'))
+}
+
 /// Returns the name of a field, with `_` appended if C or C++ has another use of it: a word of the language, or a macro.
 fn field_name(name: &str) -> String {
-    let is_word = |words: &str| words.split_whitespace().any(|word| word == name);
+    let is_word = |words: &str| words.split_whitespace().any(|word| is_base(word, name));
     let is_in_family = FAMILIES.iter().any(|family| name.starts_with(family));
     if is_in_family || is_word(KEYWORDS) || is_word(MACROS) { format!("{name}_") } else { name.to_owned() }
 }
@@ -263,11 +292,14 @@ fn field_name(name: &str) -> String {
 /// Returns the name of a type, a function or a macro, with `_` appended if the name has another meaning in C, in C++ or
 /// in the header itself.
 fn free_name(name: &str) -> String {
-    let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE].iter().any(|text| text::has_word(text, name));
-    let is_declared = NAMES.lines().any(|declared| declared == name);
+    let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE].iter().any(|text| {
+        core::iter::successors(Some(name), |name| name.strip_suffix('_'))
+            .any(|base| text::has_word(text, base))
+    });
+    let is_declared = NAMES.lines().any(|declared| is_base(declared, name));
     let mut codes =
         contract::CODES.iter().flat_map(|of| of.codes.iter().map(move |(_, code, _)| code_name(of, code)));
-    if is_used || is_declared || codes.any(|code| code == name) {
+    if is_used || is_declared || codes.any(|code| is_base(&code, name)) {
         format!("{name}_")
     } else {
         field_name(name)

@@ -1,6 +1,7 @@
 //! Names for the values and bits of registers, derived from their meanings (decision D-221).
 
 use super::Scope;
+use super::names::UsedNames;
 use crate::layout::{BitField, Meaning, ValueMeaning};
 
 /// A number with the name that generated code uses.
@@ -40,21 +41,36 @@ pub struct Enumeration {
 impl Enumeration {
     /// Returns the enumeration of a meaning.
     pub(crate) fn of(meaning: &Meaning) -> Self {
-        let name = upper(meaning.name);
+        let prefix = upper(meaning.name);
         let (shifts, members): (Vec<_>, Vec<_>) = of(meaning).into_iter().partition(|it| it.is_shift);
-        let member = |it: Constant| (own_name(&name, &it.name), it.value, it.text);
+        let mut used = UsedNames::default();
+        let member = |it: Constant| (used.add(own_name(&prefix, &it.name)), it.value, it.text);
         Self {
             members: members.into_iter().map(member).collect(),
-            shifts: shifts.into_iter().map(|it| (it.name, it.value)).collect(),
+            shifts: shifts.into_iter().map(|it| (own_name("", &it.name), it.value)).collect(),
             is_flags: !meaning.bits.is_empty(),
-            name,
+            name: own_name("", &prefix),
         }
     }
 }
 
-/// Returns the enumerations of all registers in a scope, in the order of the registers.
+/// Returns the enumerations of all registers in a scope, in the order of the registers. No two enumerations or constants
+/// outside of them have the same name.
 pub fn enumerations(scope: &Scope) -> Vec<Enumeration> {
-    scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect()
+    let mut all: Vec<_> = scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect();
+    let mut used = UsedNames::default();
+    all.iter_mut().for_each(|of| used.reserve(&mut of.name));
+    all.iter_mut().flat_map(|of| &mut of.shifts).for_each(|(name, _)| used.reserve(name));
+    all
+}
+
+/// Returns the bits and fields of a meaning that are not reserved, with names that differ from each other.
+pub(crate) fn fields(meaning: &Meaning) -> Vec<(&'static BitField, String)> {
+    let fields: Vec<_> = meaning.bits.iter().filter(|field| !field.reserved).collect();
+    let mut names: Vec<_> =
+        fields.iter().map(|field| Constant::new(field_words(field), field.mask(), "")).collect();
+    tell_apart(&mut names);
+    fields.into_iter().zip(names.into_iter().map(|constant| constant.name)).collect()
 }
 
 /// Returns the constants of a meaning: first for its values, then for its bits. Reserved values and bits have no
@@ -72,10 +88,10 @@ pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
 pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     let alone = known.iter().filter(|value| value.first == value.last);
     let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();
-    tell_apart(&mut constants);
     for constant in &mut constants {
         constant.name = own_name("", &constant.name);
     }
+    tell_apart(&mut constants);
     constants
 }
 
@@ -96,7 +112,7 @@ pub(crate) fn about(field: &BitField) -> String {
 }
 
 fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
-    let name = format!("{}_{}", upper(meaning.name), upper(field.name));
+    let name = format!("{}_{}", upper(meaning.name), field_words(field));
     if field.first == field.last {
         constants.push(Constant::new(name, field.mask(), about(field)));
         return;
@@ -111,7 +127,10 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     let mut constants = Vec::new();
     for known in values {
         let ValueMeaning { first, last, text, reserved, .. } = known;
-        let words = upper(gist(text));
+        let mut words = upper(gist(text));
+        if words.is_empty() && text.contains(char::is_alphabetic) {
+            words = format!("VALUE_{first:02X}");
+        }
         // A plain number is not a name.
         if *reserved || words.is_empty() {
             continue;
@@ -136,13 +155,25 @@ fn gist(text: &str) -> &str {
     details.and_then(|end| text.get(..end)).filter(|gist| !gist.is_empty()).unwrap_or(text)
 }
 
-/// Appends the value to names that occur more than once.
+/// Returns the words of a field's name in capitals. If the name has no ASCII letter or digit, returns the place of the field.
+fn field_words(field: &BitField) -> String {
+    let BitField { first, last, name, .. } = field;
+    match upper(name) {
+        words if !words.is_empty() => words,
+        _ if first == last => format!("BIT_{first}"),
+        _ => format!("BITS_{first}_TO_{last}"),
+    }
+}
+
+/// Appends the value to names that occur more than once. If names are still equal, appends a number.
 fn tell_apart(constants: &mut [Constant]) {
     let names: Vec<String> = constants.iter().map(|constant| constant.name.clone()).collect();
+    let mut used = UsedNames::default();
     for constant in constants {
         if names.iter().filter(|name| **name == constant.name).count() > 1 {
             constant.name = format!("{}_{:02X}", constant.name, constant.value);
         }
+        used.reserve(&mut constant.name);
     }
 }
 

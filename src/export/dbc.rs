@@ -1,5 +1,6 @@
 //! A CAN database (DBC) of messages, for analysis tools and `cantools`.
 
+use super::names::UsedNames;
 use crate::can::{BitOrder, Id, Message, Presence, Signal};
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
@@ -117,18 +118,8 @@ fn identifier(name: &str) -> String {
 
 /// Converts names to identifiers, each once.
 fn unique<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
-    let mut taken = HashSet::new();
-    let one = |name: &str| {
-        let base = identifier(name);
-        let mut name = base.clone();
-        let mut next = 2;
-        while !taken.insert(name.clone()) {
-            name = format!("{base}_{next}");
-            next += 1;
-        }
-        name
-    };
-    names.map(one).collect()
+    let mut used = UsedNames::default();
+    names.map(|name| used.add(identifier(name))).collect()
 }
 
 fn quoted(text: &str) -> String {

@@ -16,6 +16,7 @@ mod markdown;
 mod matiec;
 mod md;
 mod members;
+mod names;
 mod openplc;
 mod python;
 mod rows;

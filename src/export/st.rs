@@ -5,6 +5,7 @@
 //! [`StCompiler`].
 
 use super::members::{self, Member};
+use super::names::UsedNames;
 use super::rows;
 use super::scope::Scope;
 use super::text;
@@ -112,8 +113,13 @@ fn types(scope: &Scope, form: StForm) -> String {
 fn structures(scope: &Scope, form: StForm) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
+    let structures = scope.structures();
+    let groups = members::groups(&structures).into_iter().map(|group| group.type_name());
+    let types = structures.iter().map(|of| of.name).chain(groups).map(identifier);
+    let mut names = UsedNames::without_case(types);
     for (area, placed) in scope.placed() {
-        let (variable, structure) = (placed.variable, identifier(placed.structure.name));
+        let (variable, structure) =
+            (names.add(identifier(placed.variable)), identifier(placed.structure.name));
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
         let begin = area.begin();
         let address = if form.is_matiec() { spellings.next(begin, form.compiler) } else { begin };
@@ -147,6 +153,7 @@ fn elementary(scope: &Scope, compiler: StCompiler) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
     let mut seen: BTreeSet<(String, u32)> = BTreeSet::new();
+    let mut names = UsedNames::without_case([]);
     for (placed, found) in rows::all(scope) {
         if placed.unused.contains(&found.register.name) {
             continue;
@@ -154,6 +161,7 @@ fn elementary(scope: &Scope, compiler: StCompiler) -> String {
         let name = variable(&found);
         // Structures that overlay each other share some registers.
         if seen.insert((name.clone(), found.offset())) {
+            let name = names.add(identifier(&name));
             let remark = text::remark(found.register);
             let address = spellings.next(found.address().to_string(), compiler);
             let _ = writeln!(out, "    {name} AT {address} : {}; (* {remark} *)", found.ty());
@@ -193,11 +201,15 @@ const KEYWORDS: &str = "action and any array at bool by byte case configuration 
     ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
     word wstring xor";
 
-/// Returns the name of a structure or of its member. If the name is a word of the language in upper or lower case, it
-/// gets the prefix `r_`.
+/// Returns the name of a structure, its member or a variable. If the name is a word of the language in upper or lower
+/// case, or begins with a digit, it gets the prefix `r_`.
 fn identifier(name: &str) -> String {
     let is_keyword = KEYWORDS.split_whitespace().any(|word| word.eq_ignore_ascii_case(name));
-    if is_keyword { format!("r_{name}") } else { name.to_owned() }
+    if is_keyword || name.starts_with(|first: char| first.is_ascii_digit()) {
+        format!("r_{name}")
+    } else {
+        name.to_owned()
+    }
 }
 
 /// A named array type. The vendor's compilers require a name for each array type. The manual names types with one
@@ -208,7 +220,7 @@ fn identifier(name: &str) -> String {
 struct Array {
     of_records: bool,
     dims: usize,
-    element: &'static str,
+    element: String,
     counts: Vec<u32>,
     /// The manual's name, if it does not follow the pattern.
     named: &'static str,
@@ -239,7 +251,7 @@ impl Array {
         let range = |count: &u32| format!("0..{}", count - 1);
         let (ranges, of) = match self.inner().filter(|_| !flat) {
             Some(inner) => (self.counts.first().map(range).unwrap_or_default(), inner.name()),
-            None => (self.counts.iter().map(range).collect::<Vec<_>>().join(", "), self.element.to_owned()),
+            None => (self.counts.iter().map(range).collect::<Vec<_>>().join(", "), self.element.clone()),
         };
         format!("TYPE\n    {} : ARRAY[{ranges}] OF {of};\nEND_TYPE\n\n", self.name())
     }
@@ -257,7 +269,7 @@ impl Arrays {
     /// element.
     fn name_of(&mut self, array: Array) -> String {
         if array.counts.is_empty() {
-            return array.element.to_owned();
+            return array.element;
         }
         let name = array.name();
         let mut next = Some(array);
@@ -273,20 +285,37 @@ fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members:
     let counts = |dims: &[Dim]| dims.iter().map(|dim| u32::from(dim.count)).collect::<Vec<_>>();
     let name = identifier(name);
     let _ = writeln!(out, "TYPE\n    {name} : (* {doc} *)\n    STRUCT");
+    let names = members.iter().filter_map(|member| match member {
+        Member::Register(register) => Some(register.name),
+        Member::Group(group) => Some(group.member_name()),
+        Member::Padding { .. } => None,
+    });
+    let mut used = UsedNames::without_case(names.map(str::to_owned));
+    let mut own = |name: &str| match identifier(name) {
+        same if same == name => same,
+        changed => used.add(changed),
+    };
     for member in members {
         let (field, of_records, element, counts, named, remark) = match member {
             Member::Register(register) => {
                 let remark = format!(" (* {} *)", text::remark(register));
                 let counts = counts(members::own_dims(register));
-                (identifier(register.name), false, register.ty.name(), counts, register.array_type, remark)
+                (
+                    own(register.name),
+                    false,
+                    register.ty.name().to_owned(),
+                    counts,
+                    register.array_type,
+                    remark,
+                )
             }
             Member::Group(group) => {
                 let counts = counts(group.dims());
-                (identifier(group.member_name()), true, group.type_name(), counts, "", String::new())
+                (own(group.member_name()), true, identifier(group.type_name()), counts, "", String::new())
             }
             Member::Padding { offset, bytes } => {
                 let counts = if *bytes == 1 { vec![] } else { vec![*bytes] };
-                (members::padding_name(*offset, members), false, "BYTE", counts, "", String::new())
+                (members::padding_name(*offset, members), false, "BYTE".to_owned(), counts, "", String::new())
             }
         };
         let ty = arrays.name_of(Array { of_records, dims: counts.len(), element, counts, named });

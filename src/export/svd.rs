@@ -2,6 +2,7 @@
 
 use super::constants;
 use super::members::{self, Group, Member};
+use super::names::UsedNames;
 use super::scope::Scope;
 use super::text;
 use super::xml::Xml;
@@ -36,12 +37,16 @@ pub(crate) fn generate(scope: &Scope) -> String {
             // If the manual of the device gives CPU addresses, the file has only areas with a CPU address: a debugger
             // cannot access the other areas.
             let has_cpu = device.areas.iter().any(|area| area.cpu.is_some());
+            let mut names = UsedNames::default();
             for area in scope.areas.iter().filter(|area| area.cpu.is_some() || !has_cpu) {
                 if area.structures.is_empty() {
-                    plain(xml, area);
+                    plain(xml, area, &names.add(area.name));
                 }
-                for placed in area.structures {
-                    peripheral(xml, area, placed);
+                let own = |placed: &AreaStructure| names.add(placed.variable.trim_start_matches('_'));
+                let own: Vec<_> = area.structures.iter().map(own).collect();
+                for (placed, name) in area.structures.iter().zip(&own) {
+                    let alternative = own.first().filter(|first| *first != name);
+                    peripheral(xml, area, placed, (name, alternative.map(String::as_str)));
                 }
             }
         });
@@ -50,22 +55,19 @@ pub(crate) fn generate(scope: &Scope) -> String {
 }
 
 /// Writes an area without registers.
-fn plain(xml: &mut Xml, area: &Area) {
+fn plain(xml: &mut Xml, area: &Area, name: &str) {
     xml.node("peripheral", "", |xml| {
-        xml.leaf("name", area.name);
+        xml.leaf("name", name);
         place(xml, area, area.doc, None, area.bytes, "buffer");
     });
 }
 
-/// Writes a structure. Each of several overlaid structures names the first one as its alternative.
-fn peripheral(xml: &mut Xml, area: &Area, placed: &AreaStructure) {
-    let name = |placed: &AreaStructure| placed.variable.trim_start_matches('_').to_owned();
-    let first = area.structures.first().map(name);
+/// Writes a structure with its name. Each of several overlaid structures names the first one as its alternative.
+fn peripheral(xml: &mut Xml, area: &Area, placed: &AreaStructure, (name, alternative): (&str, Option<&str>)) {
     xml.node("peripheral", "", |xml| {
-        xml.leaf("name", name(placed));
-        let alternative = first.filter(|first| *first != name(placed));
+        xml.leaf("name", name);
         let doc = text::about(placed.structure);
-        place(xml, area, &doc, alternative.as_deref(), placed.structure.bytes, "registers");
+        place(xml, area, &doc, alternative, placed.structure.bytes, "registers");
         xml.node("registers", "", |xml| {
             for member in members::of(placed.structure) {
                 match member {
@@ -144,16 +146,9 @@ fn fields(xml: &mut Xml, meaning: &Meaning, width: u32) {
     if meaning.bits.is_empty() {
         field(xml, "VALUE", meaning.name, 0, width, meaning.values);
     }
-    for bits in meaning.bits.iter().filter(|bits| !bits.reserved) {
+    for (bits, name) in constants::fields(meaning) {
         let width = u32::from(bits.last - bits.first) + 1;
-        field(
-            xml,
-            &constants::upper(bits.name),
-            &constants::about(bits),
-            bits.first.into(),
-            width,
-            bits.values,
-        );
+        field(xml, &name, &constants::about(bits), bits.first.into(), width, bits.values);
     }
 }
 

@@ -1,11 +1,13 @@
 //! SystemRDL 2.0, the register description for hardware tools and PeakRDL. Addresses are byte offsets in the image.
 
-use super::constants::{self, upper};
+use super::constants;
 use super::members::{self, Group, Member};
+use super::names::UsedNames;
 use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{Area, AreaStructure, BitField, Meaning, Owner, Register, Role, ValueMeaning};
+use std::collections::HashMap;
 use std::fmt::Write;
 
 /// Words that SystemRDL 2.0 uses or reserves (section 4.4). With a backslash in front, such a word is a name (section
@@ -53,18 +55,23 @@ fn without_code(text: &str) -> String {
 pub(crate) fn generate(scope: &Scope) -> String {
     let mut out: String =
         text::banner(scope, "systemrdl").iter().map(|line| format!("// {}\n", without_code(line))).collect();
+    // Types share one space of names.
+    let groups = members::groups(&scope.structures());
+    let names = scope.structures().into_iter().map(|of| of.name).chain(groups.iter().map(Group::type_name));
+    let mut types = UsedNames::of(names.map(str::to_owned));
+    let mut enumerations = Enumerations::default();
     for (meaning, register) in scope.meanings() {
-        enumerations(&mut out, meaning, 8 * register.ty.width());
+        enumerations.generate(&mut out, &mut types, meaning, 8 * register.ty.width());
     }
-    for group in members::groups(&scope.structures()) {
-        self::group(&mut out, &group);
+    for group in &groups {
+        self::group(&mut out, &enumerations, group);
     }
     for of in scope.structures() {
         let _ =
             writeln!(out, "\nregfile {} {{\n    desc = {};", identifier(of.name), quoted(&text::about(of)));
         for member in members::of(of) {
             match member {
-                Member::Register(of) => register(&mut out, of, 0),
+                Member::Register(of) => register(&mut out, &enumerations, of, 0),
                 Member::Group(of) => {
                     let (ty, name, offset) =
                         (identifier(of.type_name()), identifier(of.member_name()), of.offset());
@@ -75,13 +82,13 @@ pub(crate) fn generate(scope: &Scope) -> String {
         }
         out.push_str("};\n");
     }
-    maps(&mut out, scope);
+    maps(&mut out, types, scope);
     out
 }
 
 /// Writes separate maps for overlaid structures: for each phase, and for each possible role of a port if the structures
 /// depend on the role.
-fn maps(out: &mut String, scope: &Scope) {
+fn maps(out: &mut String, mut types: UsedNames, scope: &Scope) {
     let mut roles = Vec::new();
     for role in scope.placed().filter_map(|(_, placed)| placed.role) {
         if !roles.contains(&Some(role)) {
@@ -98,12 +105,12 @@ fn maps(out: &mut String, scope: &Scope) {
     }
     for phase in phases {
         for role in &roles {
-            map(out, scope, phase, *role);
+            map(out, &mut types, scope, phase, *role);
         }
     }
 }
 
-fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>) {
+fn map(out: &mut String, types: &mut UsedNames, scope: &Scope, phase: Option<&str>, role: Option<Role>) {
     let (mut name, mut of) = (scope.device.name.replace('-', "_"), String::new());
     if let Some(phase) = phase {
         let _ = write!(name, "_{phase}");
@@ -113,16 +120,16 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
         let _ = write!(name, "_{role}");
         let _ = write!(of, " of every {role}");
     }
-    // Types share one space of names.
-    if scope.structures().iter().any(|of| of.name == name) {
+    if types.contains(&name) {
         name.push_str("_map");
     }
-    let name = identifier(&name);
+    let name = identifier(&types.add(name));
     let desc = quoted(&format!("Image of the {}{of}", scope.device.title));
     let _ = writeln!(
         out,
         "\naddrmap {name} {{\n    desc = {desc};\n    littleendian;\n    addressing = compact;"
     );
+    let mut instances = UsedNames::default();
     for (area, placed) in scope.placed() {
         let AreaStructure { structure, variable, .. } = placed;
         let is_fitted = placed.role.is_none() || placed.role == role;
@@ -131,20 +138,20 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
                 out,
                 "    {} {} @ {};",
                 identifier(structure.name),
-                identifier(variable),
+                identifier(&instances.add(*variable)),
                 area.first
             );
         }
     }
     for area in scope.areas.iter().filter(|area| area.structures.is_empty()) {
-        plain(out, area);
+        plain(out, area, &instances.add(area.name));
     }
     out.push_str("};\n");
 }
 
 /// Writes an area without registers.
-fn plain(out: &mut String, area: &Area) {
-    let Area { name, first, bytes, doc, .. } = area;
+fn plain(out: &mut String, area: &Area, name: &str) {
+    let Area { first, bytes, doc, .. } = area;
     let name = identifier(name);
     let (entries, desc) = (bytes / 4, quoted(doc));
     let _ = writeln!(
@@ -153,7 +160,7 @@ fn plain(out: &mut String, area: &Area) {
     );
 }
 
-fn group(out: &mut String, group: &Group) {
+fn group(out: &mut String, enumerations: &Enumerations, group: &Group) {
     let _ = writeln!(
         out,
         "\nregfile {} {{\n    desc = {};",
@@ -162,14 +169,14 @@ fn group(out: &mut String, group: &Group) {
     );
     for member in group.members() {
         if let Member::Register(of) = member {
-            register(out, of, group.offset());
+            register(out, enumerations, of, group.offset());
         }
     }
     out.push_str("};\n");
 }
 
 /// Writes a register. `start` is the base of the offset.
-fn register(out: &mut String, of: &'static Register, start: u32) {
+fn register(out: &mut String, enumerations: &Enumerations, of: &'static Register, start: u32) {
     let Register { name, ty, offset, meaning, reset, .. } = of;
     let bits = 8 * ty.width();
     let desc = quoted(&format!("{ty}, {}", text::remark(of)));
@@ -181,10 +188,10 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
     };
     match meaning {
         Some(meaning) if !meaning.bits.is_empty() => {
-            for field in meaning.bits.iter().filter(|field| !field.reserved) {
+            for (field, name) in constants::fields(meaning) {
                 let BitField { first, last, .. } = field;
-                let encode = encode(&enumeration_of(meaning, Some(field)), field.values);
-                let (desc, name) = (quoted(&constants::about(field)), field_name(field));
+                let encode = enumerations.encode(meaning, Some(field));
+                let (desc, name) = (quoted(&constants::about(field)), field_name(&name));
                 let (width, reset) = (last - first + 1, field.of(*reset));
                 let _ = writeln!(
                     out,
@@ -193,8 +200,7 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
             }
         }
         _ => {
-            let encode = meaning
-                .map_or(String::new(), |meaning| encode(&enumeration_of(meaning, None), meaning.values));
+            let encode = meaning.map_or(String::new(), |meaning| enumerations.encode(meaning, None));
             let last = bits - 1;
             let _ =
                 writeln!(out, "        field {{ {access}{encode} }} value[{last}:0] = {bits}'h{reset:X};");
@@ -207,38 +213,52 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
 
 /// Returns the name of a field with the prefix `f_`, for example `f_enable`, because some names of bits are reserved
 /// words.
-fn field_name(field: &BitField) -> String {
-    format!("f_{}", upper(field.name).to_lowercase())
+fn field_name(name: &str) -> String {
+    format!("f_{}", name.to_lowercase())
 }
 
-/// Returns the name of the enumeration for the values of a meaning, or of one of its fields.
-fn enumeration_of(meaning: &Meaning, field: Option<&BitField>) -> String {
-    let of = field.map_or(String::new(), |field| format!("_{}", upper(field.name).to_lowercase()));
-    format!("e_{}{of}", meaning.name)
-}
+/// Names of enumerations, by the meaning and the first bit of the field, or by the meaning alone.
+#[derive(Default)]
+struct Enumerations(HashMap<(&'static str, Option<u8>), String>);
 
-/// Returns the property that gives a field its enumeration, if it has one.
-fn encode(enumeration: &str, values: &[ValueMeaning]) -> String {
-    if constants::singles(values).is_empty() { String::new() } else { format!(" encode = {enumeration};") }
-}
-
-fn enumerations(out: &mut String, meaning: &Meaning, bits: u32) {
-    if meaning.bits.is_empty() {
-        enumeration(out, &enumeration_of(meaning, None), meaning.values, bits);
+impl Enumerations {
+    /// Generates the enumerations for the values of a meaning, or of its fields. `types` are the names of other types.
+    fn generate(&mut self, out: &mut String, types: &mut UsedNames, meaning: &'static Meaning, bits: u32) {
+        if meaning.bits.is_empty() {
+            self.add(out, types, (meaning.name, None), format!("e_{}", meaning.name), (meaning.values, bits));
+        }
+        for (field, name) in constants::fields(meaning) {
+            let name = format!("e_{}_{}", meaning.name, name.to_lowercase());
+            let width = u32::from(field.last - field.first) + 1;
+            self.add(out, types, (meaning.name, Some(field.first)), name, (field.values, width));
+        }
     }
-    for field in meaning.bits.iter().filter(|field| !field.reserved) {
-        let width = u32::from(field.last - field.first) + 1;
-        enumeration(out, &enumeration_of(meaning, Some(field)), field.values, width);
+
+    fn add(
+        &mut self,
+        out: &mut String,
+        types: &mut UsedNames,
+        key: (&'static str, Option<u8>),
+        name: String,
+        (values, bits): (&[ValueMeaning], u32),
+    ) {
+        if !constants::singles(values).is_empty() {
+            let name = types.add(name);
+            enumeration(out, &name, values, bits);
+            self.0.insert(key, name);
+        }
+    }
+
+    /// Returns the property that gives a field its enumeration, if it has one.
+    fn encode(&self, meaning: &Meaning, field: Option<&BitField>) -> String {
+        let name = self.0.get(&(meaning.name, field.map(|field| field.first)));
+        name.map_or(String::new(), |name| format!(" encode = {name};"))
     }
 }
 
 fn enumeration(out: &mut String, name: &str, values: &[ValueMeaning], bits: u32) {
-    let singles = constants::singles(values);
-    if singles.is_empty() {
-        return;
-    }
     let _ = writeln!(out, "\nenum {name} {{");
-    for constant in singles {
+    for constant in constants::singles(values) {
         let (name, value, doc) = (constant.name, constant.value, quoted(&constant.text));
         let _ = writeln!(out, "    {name} = {bits}'h{value:X} {{ desc = {doc}; }};");
     }

@@ -814,32 +814,181 @@ fn one_folder_serves_several_devices() {
     assert!(!devices.exists());
 }
 
+/// Writes the device `words`: for each area its name, its structure, and names of registers, all WORDs.
+fn write_words(place: &Place, areas: &[(&str, &str, &[&str])]) {
+    fs::create_dir(place.0.path().join("words")).unwrap();
+    let sources =
+        ["name_from", "offsets", "names", "types", "owners", "resets"].map(|it| format!("{it} = 'manual'\n"));
+    for (_, structure, words) in areas {
+        let row = |(index, name): (usize, &&str)| {
+            let offset = 2 * index;
+            format!("  {{ offset = {offset}, name = '{name}', type = 'WORD', owner = 'plc', doc = 'x' }},\n")
+        };
+        let rows: String = words.iter().enumerate().map(row).collect();
+        let (size, sources) = (2 * words.len(), sources.concat());
+        let text = format!(
+            "name = '{structure}'\nsize = {size}\npage = '1'\ndoc = 'x'\n{sources}register = [\n{rows}]\n"
+        );
+        place.write(&format!("words/{structure}.toml"), &text);
+    }
+    let structures: Vec<_> = areas.iter().map(|(_, structure, _)| structure).collect();
+    let area = |(index, (name, structure, _)): (usize, &(&str, &str, &[&str]))| {
+        let first = 100 * index;
+        format!(
+            "[[area]]\nname = '{name}'\nfirst = {first}\npage = '1'\ndoc = 'x'\n\
+             structure = [{{ name = '{structure}', live = 'always' }}]\n"
+        )
+    };
+    let areas: String = areas.iter().enumerate().map(area).collect();
+    let device = format!(
+        "name = 'words'\ntitle = 'Words'\nmanual = 'w-1'\nnames = 'manual'\nstructures = {structures:?}\n\
+         reserved = {{ owner = 'firmware', source = 'manual' }}\n\
+         space = [{{ name = 'card', letter = 'M', segment = 3, unit = 'byte', first = 0, offset = 4096, page = '1', doc = 'x' }}]\n\
+         {areas}"
+    );
+    place.write("words/device.toml", &device);
+}
+
+/// Names that are identifiers in a layout, but equal or reserved in an export.
+#[test]
+fn equal_names_of_an_export_get_numbers() {
+    let place = Place::new();
+    let areas: [(&str, &str, &[&str]); 4] = [
+        ("x", "card", &["w_C", "type", "r_type", "TYPE_"]),
+        ("x_w", "X", &["C", "c_"]),
+        ("end", "A__B", &["if", "r_if"]),
+        ("card", "a_B", &["one", "two"]),
+    ];
+    write_words(&place, &areas);
+    let export = |args: &[&str]| {
+        run(&[&["export"], args, &["--device", &place.path("words")]].concat()).ok().to_owned()
+    };
+    let st = export(&["st"]);
+    for line in ["        r_type_2 : WORD;", "        r_type : WORD;", "    _card AT %MB3.300 : a_B;"] {
+        assert!(st.contains(line), "{line}\n{st}");
+    }
+    let elementary = export(&["st", "--elementary"]);
+    for name in ["x_w_C AT", "x_w_C_2 AT", "r_end_if AT"] {
+        assert_eq!(elementary.matches(&format!("    {name} ")).count(), 1, "{name}\n{elementary}");
+    }
+    // With the prefix of this export, the function of `_card` would have the name of the type of `card`.
+    let matiec = export(&["matiec"]);
+    for name in ["} commram_card;", " *commram_card_(const commram *ram)"] {
+        assert!(matiec.contains(name), "{name}\n{matiec}");
+    }
+}
+
+/// A bit keeps the name that its manual has in any script. Exports to formats with ASCII identifiers have names that differ
+/// from each other (D-221).
+#[test]
+fn bits_and_values_without_an_identifier_are_numbered() {
+    let place = Place::new();
+    place.edit("meanings.toml", "name = \"ready\"", "name = \"\u{6e96}\u{5099}\"");
+    place.edit("meanings.toml", "name = \"outputs\"", "name = \"\u{b0}\u{43e}\"");
+    place.edit("meanings.toml", "outputs are enabled", "\u{6709}\u{52b9}");
+    place.edit(
+        "meanings.toml",
+        "{ from = 2, to = 14, name = \"reserved\", reserved = true },",
+        "{ at = 2, name = \"Error A\", one = \"x\" },
+  { at = 3, name = \"error-a\", one = \"x\" },
+  { at = 4, name = \"error a 08\", one = \"x\" },
+  { at = 5, name = \"1st\", one = \"x\" },
+  { at = 6, name = \"value 1st\", one = \"x\" },
+  { from = 7, to = 8, name = \"%\", value = [{ is = 0, text = \"\u{505c}\" }, { is = 1, text = \"Off\" }, { is = 2, text = \"off!\" }] },",
+    );
+    let card = place.path("cards/digital-io");
+    let export = |format: &str| run(&["export", format, "--device", &card]).ok().to_owned();
+    let has_each_once = |text: &str, names: &[&str]| {
+        for name in names {
+            assert_eq!(text.matches(name).count(), 1, "{name}\n{text}");
+        }
+    };
+
+    let module = export("python");
+    has_each_once(
+        &module,
+        &[
+            "    BIT_0 = 0x1 ",
+            "    BIT_1 = 0x2 ",
+            "    ERROR_A_04 = 0x4 ",
+            "    ERROR_A_08 = 0x8 ",
+            "    ERROR_A_08_2 = 0x10 ",
+            "    VALUE_1ST = 0x20 ",
+            "    VALUE_1ST_2 = 0x40 ",
+            "    BITS_7_TO_8_MASK = 0x180 ",
+            "    BITS_7_TO_8_VALUE_00 = 0x0 ",
+            "    BITS_7_TO_8_OFF_80 = 0x80 ",
+            "\nSTATUS_BITS_7_TO_8_SHIFT = 7\n",
+            "    VALUE_04 = 0x4 ",
+        ],
+    );
+    place.write("card.py", &module);
+    if let Some(mut command) = python(&[]) {
+        finish(command.args(["-W", "error", &place.path("card.py")])).ok();
+    }
+
+    has_each_once(
+        &export("c"),
+        &[
+            "#define COMMRAM_STATUS_BIT_0 ",
+            "#define COMMRAM_STATUS_ERROR_A_08_2 ",
+            "#define COMMRAM_COMMAND_VALUE_04 ",
+        ],
+    );
+
+    let svd = export("svd");
+    assert!(!svd.contains("<name></name>"), "{svd}");
+    let names =
+        ["BIT_0", "BIT_1", "ERROR_A_04", "ERROR_A_08", "ERROR_A_08_2", "_1ST", "VALUE_1ST", "BITS_7_TO_8"];
+    has_each_once(&svd, &names.map(|name| format!("<name>{name}</name>")).each_ref().map(String::as_str));
+    svd_parser::parse(&svd).unwrap();
+
+    let rdl = export("systemrdl");
+    has_each_once(
+        &rdl,
+        &[" f_bit_0[0:0]", " f_error_a_08[3:3]", " f_error_a_08_2[4:4]", "enum e_status_bits_7_to_8 {"],
+    );
+    place.write("card.rdl", &rdl);
+    let Some(mut command) = python(&["systemrdl"]) else { return };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_rdl.py");
+    let outcome = finish(command.args([script, &place.path("card.rdl"), "digital_io", "_control.w_STATUS"]));
+    assert!(outcome.ok().ends_with("_control.w_STATUS 4098\n"), "{}", outcome.out);
+}
+
+/// The word `front.script` of commram has a meaning beside those of the device.
+#[test]
+fn a_device_with_a_script_may_have_a_meaning_called_script() {
+    let place = Place::new();
+    place.edit("meanings.toml", "name = \"status\"", "name = \"script\"");
+    place.edit("IO_CONTROL.toml", "meaning = \"status\"", "meaning = \"script\"");
+    fs::write(place.card().join("firmware.rhai"), "fn poll() {}\n").unwrap();
+    let export = run(&["export", "python", "--device", &place.path("cards/digital-io")]);
+    for line in ["class SCRIPT(enum.IntFlag):", "class SCRIPT_WORD(enum.IntEnum):"] {
+        assert!(export.ok().contains(line), "{line}\n{}", export.out);
+    }
+}
+
 /// Macros and functions of the headers that `commram.h` includes, and words of C and C++.
 #[test]
 fn names_of_c_are_registers_of_an_exported_header() {
     let place = Place::new();
-    let words =
-        ["INT_MAX", "EINTR", "O_RDWR", "SYS_futex", "st_mtime", "linux", "class", "read", "BUFSIZ", "NULL"];
-    let row = |(index, name): (usize, &&str)| {
-        format!("  {{ offset = {}, name = '{name}', type = 'WORD', owner = 'plc', doc = 'x' }},\n", 2 * index)
-    };
-    let rows: String = words.iter().enumerate().map(row).collect();
-    let sources =
-        ["name_from", "offsets", "names", "types", "owners", "resets"].map(|it| format!("{it} = 'manual'\n"));
-    let structure = format!(
-        "name = 'FILE'\nsize = {}\npage = '1'\ndoc = 'x'\n{}register = [\n{rows}]\n",
-        2 * words.len(),
-        sources.concat()
-    );
-    fs::create_dir(place.0.path().join("words")).unwrap();
-    place.write("words/FILE.toml", &structure);
-    place.write(
-        "words/device.toml",
-        "name = 'words'\ntitle = 'Words'\nmanual = 'w-1'\nnames = 'manual'\nstructures = ['FILE']\n\
-         reserved = { owner = 'firmware', source = 'manual' }\n\
-         space = [{ name = 'card', letter = 'M', segment = 3, unit = 'byte', first = 0, offset = 4096, page = '1', doc = 'x' }]\n\
-         area = [{ name = 'card', first = 0, page = '1', doc = 'x', structure = [{ name = 'FILE', live = 'always' }] }]\n",
-    );
+    let words = [
+        "INT_MAX",
+        "EINTR",
+        "O_RDWR",
+        "SYS_futex",
+        "st_mtime",
+        "linux",
+        "class",
+        "read",
+        "BUFSIZ",
+        "NULL",
+        "uint16_t",
+        "int",
+        "int_",
+        "int__",
+    ];
+    write_words(&place, &[("card", "FILE", &words)]);
     run(&["export", "c", "--device", &place.path("words"), "--output", &place.path("commram.h")]).ok();
     place.write("client.c", "#include <limits.h>\n#include \"commram.h\"\nint main(void) { return 0; }\n");
     for (compiler, language, mode) in [("cc", "c", "c99"), ("cc", "c", "gnu11"), ("c++", "c++", "gnu++17")] {

@@ -71,6 +71,13 @@ pub(super) fn at(
             let Some((call, argument)) = call else { return nothing };
             in_text(view, scene, call, argument, content, offset)
         }
+        Some(token)
+            if token.kind == TokenKind::Piece
+                && token.range.start < offset
+                && (offset < token.range.end || !token.begins_code(view.text)) =>
+        {
+            nothing
+        }
         Some(token) if token.kind == TokenKind::Word => (words(view, scene, call), token.range.clone()),
         Some(token) if matches!(token.kind, TokenKind::Number | TokenKind::Letter) => nothing,
         _ => (words(view, scene, call), offset..offset),

@@ -78,7 +78,8 @@ impl Outline {
             token.range.start <= offset && offset <= token.range.end
         };
         let near: Vec<_> = (after.saturating_sub(2)..after).filter(touches).collect();
-        let is_sign = |index: &usize| matches!(all[*index].kind, TokenKind::Sign | TokenKind::Path);
+        let is_sign =
+            |index: &usize| matches!(all[*index].kind, TokenKind::Sign | TokenKind::Path | TokenKind::Piece);
         near.iter().copied().find(|index| !is_sign(index)).or(near.last().copied())
     }
 
@@ -95,6 +96,9 @@ impl Outline {
         self.functions.iter().find(|function| function.name == name)
     }
 }
+
+/// Sign of an open `${`. No sign of a script is a token with this sign.
+const CODE: char = '`';
 
 /// A bracket that is open at the present position of the parser.
 struct Open {
@@ -115,6 +119,12 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
     for (index, token) in tokens.iter().enumerate() {
         if token.kind == TokenKind::Word && token.text(text) == "fn" {
             body = true;
+        }
+        if token.ends_code(text) {
+            close(&mut calls, &mut open, CODE, index, token, true);
+        }
+        if token.begins_code(text) {
+            open.push(Open { sign: CODE, call: None, argument: index + 1, is_body: false });
         }
         let sign = match token.kind {
             TokenKind::Sign => token.text(text).chars().next().unwrap_or_default(),
@@ -157,7 +167,7 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
             ')' | ']' | '}' => close(&mut calls, &mut open, partner(sign), index, token, true),
             // A statement ends at this token. If a parenthesis is still open, its closing parenthesis is missing.
             ';' => {
-                while let Some(top) = open.last().filter(|top| top.sign != '{') {
+                while let Some(top) = open.last().filter(|top| !['{', CODE].contains(&top.sign)) {
                     let sign = top.sign;
                     close(&mut calls, &mut open, sign, index, token, false);
                 }
@@ -173,9 +183,13 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
     calls
 }
 
-/// Closes the innermost bracket of the given kind, and those inside it, at a token.
+/// Closes the innermost bracket of the given kind, and those inside it, at a token. A bracket in the code of a text closes
+/// no bracket outside of this code.
 fn close(calls: &mut [Call], open: &mut Vec<Open>, sign: char, index: usize, token: &Token, is_closed: bool) {
-    let Some(depth) = open.iter().rposition(|open| open.sign == sign) else { return };
+    let Some(depth) = open.iter().rposition(|open| [sign, CODE].contains(&open.sign)) else { return };
+    if open[depth].sign != sign {
+        return;
+    }
     for (at, bracket) in open.drain(depth..).enumerate() {
         let Some(call) = bracket.call.and_then(|call| calls.get_mut(call)) else { continue };
         if bracket.argument < index || !call.commas.is_empty() {
@@ -319,6 +333,7 @@ mod tests {
         );
         assert_eq!(shown("f(1, [2"), ["f(1; [ 2..."]);
         assert_eq!(shown(")]}(("), [""; 0]);
+        assert_eq!(shown("f(`${ g(1 } ${ h()) }`, 2)"), ["f(`${ g ( 1 } ${ h ( ) ) }`; 2)", "g(1...", "h()"]);
     }
 
     #[test]

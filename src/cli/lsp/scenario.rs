@@ -110,7 +110,14 @@ impl<'a> ScriptView<'a> {
                 ([_], _) => tokens,
                 _ => &[],
             };
-            let ranges = literals.iter().filter_map(|token| token.content(self.text));
+            // A text in the code of another text is no element of the array.
+            let mut depth = 0_usize;
+            let literals = literals.iter().filter(|token| {
+                depth = depth.saturating_sub(usize::from(token.ends_code(self.text)));
+                depth += usize::from(token.begins_code(self.text));
+                depth == 0
+            });
+            let ranges = literals.filter_map(|token| token.content(self.text));
             Some(ranges.map(|range| NamedText { kind, range }).collect::<Vec<_>>())
         });
         texts.flatten().collect()

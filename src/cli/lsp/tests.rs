@@ -363,6 +363,55 @@ fn own_and_imported_functions_are_found_and_renamed() {
     }
 }
 
+/// The code in `${...}` is code, and a text in this code is a text.
+#[test]
+fn code_in_texts_is_found_and_renamed() {
+    let text = "fn f(x) { x + 1 }\nprint(`v ${f(1)} f(2)`);\n\
+                let z = `w ${ if f(2) == 3 { `n ${f(3)}` } else { `f(9) is text` } }`;\nexpect_that(f(1) == 2, z);\n";
+    let places = json!([[0, 3], [1, 11], [2, 17], [2, 34], [3, 12]]);
+    for cursor in ["fn ¦f(x)", "${¦f(1)}", "${f¦(3)}"] {
+        let mut editor = Editor::with(&text.replacen(&cursor.replace('¦', ""), cursor, 1));
+        assert_eq!(editor.errors(), [""; 0]);
+        let mut params = editor.place();
+        params["context"] = json!({ "includeDeclaration": true });
+        params["newName"] = json!("func");
+        let start = |it: &Value| {
+            let start = &it["range"]["start"];
+            json!([start["line"], start["character"]])
+        };
+        let found = editor.ask("textDocument/references", params.clone());
+        assert_eq!(found.as_array().unwrap().iter().map(start).collect::<Value>(), places, "{cursor}");
+        let changes = editor.ask("textDocument/rename", params.clone())["changes"].clone();
+        let edits = changes.as_object().unwrap().values().next().unwrap().as_array().unwrap().clone();
+        assert_eq!(edits.iter().map(start).collect::<Value>(), places, "{cursor}");
+        let target = editor.ask("textDocument/definition", params);
+        assert_eq!(start(&target), json!([0, 3]), "{cursor}");
+    }
+    assert_eq!(
+        errors(
+            "print(`v ${nofunc(1)} ${peek(\"node2.nix\")} no(1) ${`no(2)`}`);\nexpect_that(true, `${16#1}`);"
+        )
+        .len(),
+        3
+    );
+    assert_error("print(`v ${nofunc(1)} no(1) ${`no(2)`}`);", "0:11 there is no verb or function `nofunc`");
+    assert_error("print(`v ${peek(\"node2.nix\")}`);", "0:17 area `node2` has no register `nix`");
+    for (text, expected) in [
+        ("print(`${pe¦}`)", Some("peek")),
+        ("print(`a ${¦", Some("peek")),
+        ("print(`${peek(\"¦\")}`)", Some("node2.w_OPTION_STATUS")),
+        ("print(`${1} pe¦`)", None),
+        ("print(`pe¦ ${1}`)", None),
+    ] {
+        let found = Editor::with(text).completions();
+        let is_right = expected.map_or(found.is_empty(), |name| found.iter().any(|label| label == name));
+        assert!(is_right, "{text}: {found:?}");
+    }
+    assert!(Editor::with("print(`${pe¦ek(\"x\")}`)").hover().contains("peek("));
+    let array = "expect_changes(snapshot(\"node2\"), [`node2.${\"b_BT_1\"}`]);";
+    assert_eq!(errors(array), [""; 0]);
+}
+
 #[test]
 fn firmware_of_a_device_has_its_own_verbs() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/mailbox");
@@ -503,6 +552,8 @@ fn piece() -> impl Strategy<Value = String> {
         "peek(\"",
         "\"",
         "`${",
+        "`",
+        "${f(`",
         "}",
         "{",
         "(",

@@ -17,8 +17,11 @@ pub(super) enum TokenKind {
     Number,
     /// A text in double quotes. If the closing quote is missing, the text ends at the end of the line.
     Text,
-    /// A text in backticks, or a raw text.
+    /// A text in backticks without `${...}`, or a raw text.
     Template,
+    /// A part of a text in backticks with `${...}`: it ends with the opening `${`, begins with the closing `}`, or both. The
+    /// tokens of the code are between such parts.
+    Piece,
     /// A character in single quotes.
     Letter,
     /// `::`.
@@ -40,6 +43,8 @@ impl Tokens {
         let mut tokens = Tokens::default();
         // The first line may be an interpreter line, `#!`.
         let mut at = if text.starts_with("#!") { line_end(text, 0) } else { 0 };
+        // For each `${` that is open, the number of open braces in its code.
+        let mut open: Vec<usize> = Vec::new();
         while let Some(letter) = text[at..].chars().next() {
             let rest = &text[at..];
             let (kind, end) = match letter {
@@ -59,7 +64,20 @@ impl Tokens {
                     continue;
                 }
                 '"' => (TokenKind::Text, text_end(text, at)),
-                '`' => (TokenKind::Template, template_end(text, at)),
+                '`' => match template_end(text, at + 1) {
+                    (end, true) => {
+                        open.push(0);
+                        (TokenKind::Piece, end)
+                    }
+                    (end, false) => (TokenKind::Template, end),
+                },
+                '}' if open.last() == Some(&0) => {
+                    let (end, is_open) = template_end(text, at + 1);
+                    if !is_open {
+                        open.pop();
+                    }
+                    (TokenKind::Piece, end)
+                }
                 '\'' => {
                     letter_end(text, at).map_or((TokenKind::Sign, at + 1), |end| (TokenKind::Letter, end))
                 }
@@ -69,7 +87,13 @@ impl Tokens {
                 '0'..='9' => (TokenKind::Number, number_end(text, at)),
                 '_' | 'a'..='z' | 'A'..='Z' => (TokenKind::Word, at + word_length(rest)),
                 ':' if rest.starts_with("::") => (TokenKind::Path, at + 2),
-                _ => (TokenKind::Sign, at + letter.len_utf8()),
+                _ => {
+                    if let Some(braces) = open.last_mut() {
+                        *braces += usize::from(letter == '{');
+                        *braces -= usize::from(letter == '}');
+                    }
+                    (TokenKind::Sign, at + letter.len_utf8())
+                }
             };
             tokens.all.push(Token { kind, range: at..end });
             at = end;
@@ -94,8 +118,17 @@ impl Token {
         matches!(self.kind, TokenKind::Word | TokenKind::Sign | TokenKind::Path) && self.text(text) == wanted
     }
 
-    /// Returns the range between the quotes of a text. `None` for other tokens, and for texts with escapes or
-    /// interpolations.
+    /// True if the token is a part of a text after which code begins.
+    pub(super) fn begins_code(&self, text: &str) -> bool {
+        self.kind == TokenKind::Piece && self.text(text).ends_with("${")
+    }
+
+    /// True if the token is a part of a text before which code ends.
+    pub(super) fn ends_code(&self, text: &str) -> bool {
+        self.kind == TokenKind::Piece && self.text(text).starts_with('}')
+    }
+
+    /// Returns the range between the quotes of a text. `None` for other tokens, and for texts with escapes or code.
     pub(super) fn content(&self, text: &str) -> Option<Range<usize>> {
         let whole = self.text(text);
         let quote = match self.kind {
@@ -106,10 +139,7 @@ impl Token {
         let inner = whole.strip_prefix(quote)?;
         let inner = inner.strip_suffix(quote).unwrap_or(inner);
         let start = self.range.start + 1;
-        let is_plain = match quote {
-            '"' => !inner.contains('\\'),
-            _ => !inner.contains("${"),
-        };
+        let is_plain = quote == '`' || !inner.contains('\\');
         is_plain.then(|| start..start + inner.len())
     }
 }
@@ -158,37 +188,15 @@ fn text_end(text: &str, at: usize) -> usize {
     text.len()
 }
 
-/// Returns the end of a text in backticks: the first closing backtick outside of `${...}`.
-fn template_end(text: &str, at: usize) -> usize {
-    let mut end = at + 1;
-    while let Some(letter) = text[end..].chars().next() {
-        if letter == '`' {
-            return end + 1;
-        }
-        end = if text[end..].starts_with("${") { braces_end(text, end + 1) } else { end + letter.len_utf8() };
+/// Returns the end of a text in backticks, or of its part up to the next `${`, and true if it ends with `${`.
+fn template_end(text: &str, at: usize) -> (usize, bool) {
+    let rest = &text[at..];
+    let code = rest.find("${").unwrap_or(rest.len());
+    match rest.find('`') {
+        Some(end) if end < code => (at + end + 1, false),
+        _ if code < rest.len() => (at + code + 2, true),
+        _ => (text.len(), false),
     }
-    text.len()
-}
-
-/// Returns the end of a block in braces inside a text in backticks.
-fn braces_end(text: &str, at: usize) -> usize {
-    let (mut depth, mut end) = (0_usize, at);
-    while let Some(letter) = text[end..].chars().next() {
-        match letter {
-            '{' => depth += 1,
-            '}' if depth <= 1 => return end + 1,
-            '}' => depth -= 1,
-            '"' => {
-                end = text_end(text, end);
-                continue;
-            }
-            // A nested text in backticks ends the block. Scripts rarely have one, and this limit bounds the recursion.
-            '`' => return end,
-            _ => {}
-        }
-        end += letter.len_utf8();
-    }
-    text.len()
 }
 
 /// Returns the end of a raw text, `#"..."#` with any number of `#`.
@@ -249,14 +257,25 @@ mod tests {
         );
         assert_eq!(
             words("a::b `t ${f(\"}\")} u` #\"raw \" \"# /* x /* y */ */ z"),
-            ["a", "::", "b", "`t ${f(\"}\")} u`", "#\"raw \" \"#", "z"]
+            ["a", "::", "b", "`t ${", "f", "(", "\"}\"", ")", "} u`", "#\"raw \" \"#", "z"]
         );
+    }
+
+    /// Rhai parses the code in `${...}` like any other code: with blocks, comments and texts.
+    #[test]
+    fn code_in_a_text_is_split_into_tokens() {
+        assert_eq!(
+            words("`a ${ if b { `c } ${d}` } /* } */ } ${e}{` f}"),
+            ["`a ${", "if", "b", "{", "`c } ${", "d", "}`", "}", "} ${", "e", "}{`", "f", "}"]
+        );
+        assert_eq!(words("`a ${ `f(9)` } b` `${}`"), ["`a ${", "`f(9)`", "} b`", "`${", "}`"]);
     }
 
     #[test]
     fn unfinished_texts_end_with_their_line() {
         assert_eq!(words("poke(\"node2.\nstep(1)"), ["poke", "(", "\"node2.", "step", "(", "1", ")"]);
-        assert_eq!(words("print(`never ends ${ ")[2], "`never ends ${ ");
+        assert_eq!(words("print(`never ends ${ ")[2..], ["`never ends ${"]);
+        assert_eq!(words("`${ a } never ends"), ["`${", "a", "} never ends"]);
         assert_eq!(words("/* never ends"), [""; 0]);
         assert_eq!(words("' \u{1F980}"), ["'", "\u{1F980}"]);
     }

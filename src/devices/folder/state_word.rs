@@ -39,13 +39,14 @@ fn decision() -> Provenance {
 /// The front panel has a word of this name, or is full.
 pub(super) fn add(dir: &Path, device: &mut Device) -> Result<(), FolderError> {
     let offset = device.front.last().map_or(0, |word| word.offset + 4);
-    let what = if device.front.iter().any(|word| word.name == WORD) {
+    let what = if device.front.iter().any(|word| word.name.eq_ignore_ascii_case(WORD)) {
         "the front has a word `script`, which shows the state of firmware.rhai"
     } else if offset >= FRONT_BYTES {
         "the front has no room for the word `script`, which shows the state of firmware.rhai"
     } else {
         device.front.push(word(offset, device.meanings.len()));
-        device.meanings.push(meaning());
+        let meaning = meaning(&device.meanings);
+        device.meanings.push(meaning);
         return Ok(());
     };
     Err(FolderError::Script { path: dir.join("device.toml"), line: 1, what: what.to_owned() })
@@ -65,7 +66,12 @@ fn word(offset: u32, meaning: usize) -> FrontWord {
     }
 }
 
-fn meaning() -> Meaning {
+/// Returns the meaning of the word. Its name differs from those of the device's own meanings.
+fn meaning(others: &[Meaning]) -> Meaning {
+    let mut name = WORD.to_owned();
+    while others.iter().any(|other| other.name.eq_ignore_ascii_case(&name)) {
+        name.push_str("_word");
+    }
     let value = |number, text: &str| Value {
         id: None,
         first: number,
@@ -75,7 +81,7 @@ fn meaning() -> Meaning {
         source: decision(),
     };
     Meaning {
-        name: "script".to_owned(),
+        name,
         pages: Vec::new(),
         shared: false,
         scalar: None,

@@ -53,6 +53,8 @@ pub enum Reason {
         "`{0}` differs from `{1}` only in upper and lower case, which not all languages distinguish; rename it"
     )]
     DiffersInCase(String, String),
+    #[error("the variable `{0}` is at another structure, too; give each structure its own `variable`")]
+    VariableTwice(String),
     #[error("register without `{0}`")]
     MissingKey(&'static str),
     #[error("a type needs `name_from`: where its own name comes from")]

@@ -32,8 +32,9 @@ impl NORM {
     pub fn call(&mut self) {
         let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
         let x = x.clamp(from.min(to), from.max(to));
-        let way = ((x - from) * (high - low)).checked_div(to - from).unwrap_or(0);
-        self.Y = (low + way) as u16;
+        // With a positive divisor, the Euclidean division rounds down on a falling line, too (D-480).
+        let (rise, run) = ((x - from) * (high - low) * (to - from).signum(), (to - from).abs());
+        self.Y = (low + rise.checked_div_euclid(run).unwrap_or(0)) as u16;
     }
 }
 
@@ -144,6 +145,28 @@ mod tests {
 
     fn ram() -> Ram {
         Ram::of(&Segment::of(&DEVICE)).unwrap()
+    }
+
+    /// Each line is given from both of its ends (D-480).
+    #[test]
+    fn a_scaled_value_is_rounded_down_on_rising_and_falling_lines() {
+        for (points, expected) in [
+            ([(0, 0), (3, 100)], [0, 33, 66, 100]),
+            ([(0, 100), (3, 0)], [100, 66, 33, 0]),
+            ([(0, 65_535), (3, 65_533)], [65_535, 65_534, 65_533, 65_533]),
+        ] {
+            for [(XH, YH), (XL, YL)] in [points, [points[1], points[0]]] {
+                let scaled = [0, 1, 2, 3].map(|X| {
+                    let mut norm = NORM { X, XH, XL, YH, YL, ..Default::default() };
+                    norm.call();
+                    norm.Y
+                });
+                assert_eq!(scaled, expected, "({XH}, {YH}) to ({XL}, {YL})");
+            }
+        }
+        let mut norm = NORM { X: 5, XH: 4, XL: 4, YH: 7, YL: 9, ..Default::default() };
+        norm.call();
+        assert_eq!(norm.Y, 7, "equal limits");
     }
 
     #[test]

@@ -48,6 +48,25 @@ pub(super) fn check(
     Ok(areas)
 }
 
+/// Checks that the names of all variables are identifiers and differ in more than upper and lower case (D-787).
+pub(super) fn check_variables(
+    sources: &Sources,
+    file: usize,
+    raw: &[raw::Area],
+    areas: &[Area],
+) -> Result<(), Error> {
+    let mut known = BTreeSet::new();
+    let each = raw.iter().zip(areas).flat_map(|(raw, area)| raw.structure.iter().zip(&area.structures));
+    for (raw, placed) in each {
+        let place = at(file, raw.variable.as_ref().unwrap_or(&raw.name).span());
+        identifier(sources, place, &placed.variable)?;
+        if !known.insert(placed.variable.to_ascii_lowercase()) {
+            return Err(sources.error(place, Reason::VariableTwice(placed.variable.clone())));
+        }
+    }
+    Ok(())
+}
+
 /// Removes the area with a size set by each plant from the list of areas, and returns it.
 pub(super) fn retain(
     sources: &Sources,
@@ -156,7 +175,7 @@ fn area(
         }
         let ending = phases.and_then(|declared| declared.phases.values.get(live.checked_sub(1)?));
         let ending = ending.map_or("", |phase| &phase.variable);
-        let (variable, variable_from) = variable(sources, file, (&name, ending), names, entry)?;
+        let (variable, variable_from) = variable((&name, ending), names, entry);
         let new = AreaStructure {
             structure: index,
             live,
@@ -198,17 +217,14 @@ fn raw_end(space: &Space) -> u64 {
 /// Returns the manual's name of the application's variable. If there is none, returns a name made from area and phase,
 /// with the source of the area's name.
 fn variable(
-    sources: &Sources,
-    file: usize,
     (area, ending): (&str, &str),
     names: &Provenance,
     placed: &raw::AreaStructure,
-) -> Result<(String, Provenance), Error> {
-    let Some(given) = &placed.variable else {
-        return Ok((format!("_{area}{ending}"), names.clone()));
-    };
-    identifier(sources, at(file, given.span()), given.get_ref())?;
-    Ok((given.get_ref().clone(), Provenance::Manual))
+) -> (String, Provenance) {
+    match &placed.variable {
+        None => (format!("_{area}{ending}"), names.clone()),
+        Some(given) => (given.get_ref().clone(), Provenance::Manual),
+    }
 }
 
 /// Returns the names of the registers that are unused in this area. The structure must have these registers.

@@ -23,9 +23,6 @@ pub(crate) fn add(
     all: &mut Vec<CheckedMeaning>,
 ) -> Result<(), Error> {
     let name = raw.name.get_ref();
-    if all.iter().any(|checked| checked.meaning.name == *name) {
-        return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
-    }
     // A meaning with a page comes from the manual. A meaning without a page must name its source.
     let source = match (&raw.source, &raw.page) {
         (Some(source), _) => source.clone(),

@@ -32,6 +32,7 @@ struct Parts {
     /// Positions of the bits of each meaning in the file. An error about a bit that is too wide for a register uses
     /// them.
     meanings: Vec<meaning::CheckedMeaning>,
+    meaning_names: Names,
     substructures: Vec<Structure>,
     structures: Vec<Structure>,
     blocks: Vec<(usize, raw::Structure)>,
@@ -68,6 +69,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     if sources.is_folder() {
         folder::check_phases(sources, file, &raw, &all.structures)?;
     }
+    area::check_variables(sources, file, &raw.area, &areas)?;
     space::close(sources, file, &raw.space, &mut spaces, &areas)?;
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);
@@ -151,6 +153,7 @@ impl Parts {
             reserved: reserved.clone(),
             manual: manual.to_owned(),
             meanings: Vec::new(),
+            meaning_names: Names::default(),
             substructures: Vec::new(),
             structures: Vec::new(),
             blocks: Vec::new(),
@@ -174,6 +177,7 @@ impl Parts {
         // Adds all meanings first, because sub-structures and blocks of any parts file may refer to them.
         for (file, part, shared) in &read {
             for raw in &part.meaning {
+                self.meaning_names.add(sources, *file, &raw.name)?;
                 let of = (manual_of(*shared), *shared);
                 meaning::add(sources, *file, raw, of, &mut self.meanings)?;
             }

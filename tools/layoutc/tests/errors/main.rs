@@ -104,6 +104,24 @@ fn unknown_owner() {
     assert_eq!(error, "CTRL.toml:15:59: unknown variant `nobody`, expected one of `plc`, `firmware`, `both`");
 }
 
+/// Exported declarations contain the names of all variables.
+#[test]
+fn names_of_variables_are_identifiers_and_differ() {
+    let (placed, ending) = ("{ name = \"INIT\", live = \"init\" }", "variable = \"_INIT\"");
+    check(
+        "device.toml",
+        placed,
+        "{ name = \"INIT\", live = \"init\", variable = \"_NODE_ctrl\" }",
+        "device.toml:19:12: the variable `_node_CTRL` is at another structure, too; give each structure its own `variable`",
+    );
+    check(
+        "device.toml",
+        ending,
+        "variable = \" 1\"",
+        "device.toml:18:12: `_node 1` is not a name (letters, digits and `_`, not starting with a digit)",
+    );
+}
+
 #[test]
 fn duplicate_structure_area_meaning_and_block() {
     check(

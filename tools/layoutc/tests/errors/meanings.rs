@@ -13,6 +13,23 @@ fn value_with_a_meaning_that_does_not_fit() {
 }
 
 #[test]
+fn names_of_meanings_are_identifiers() {
+    check(
+        "parts.toml",
+        "[[meaning]]\nname = \"state\"",
+        "[[meaning]]\nname = \"\u{72b6}\u{614b}\"",
+        "parts.toml:2:8: `\u{72b6}\u{614b}` is not a name (letters, digits and `_`, not starting with a digit)",
+    );
+    check(
+        "parts.toml",
+        "[[substructure]]",
+        "[[meaning]]\nname = \"STATE\"\n\n[[substructure]]",
+        "parts.toml:14:8: `STATE` differs from `state` only in upper and lower case, which not all languages distinguish; \
+         rename it",
+    );
+}
+
+#[test]
 fn bit_outside_the_width() {
     check(
         "parts.toml",
