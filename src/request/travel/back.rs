@@ -101,7 +101,7 @@ fn find_back<T>(
             let (plant, travel) = host.plant_and_travel();
             travel.is_at(plant);
             let none =
-                || Refused::new(Code::SNAPSHOT, "the moment was found, but not again on the way there");
+                || Refused::new(Code::NOT_SO_FAR, "the moment was found, but not again on the way there");
             return look(host)?.ok_or_else(none);
         }
         next_stretch = first;
@@ -117,12 +117,14 @@ fn find_back<T>(
             let earliest = time::seconds(earliest);
             let since = if is_true { "have been true since before" } else { "did not become true since" };
             let text = format!("the conditions {since} {earliest}, the earliest moment of the history");
-            match unrepeatable.map(|times| times.map(time::seconds)) {
+            match unrepeatable {
                 None => text,
-                Some([from, end]) => format!(
-                    "{text}; but between {from} and {end} a program has stored registers through its mapping, which \
-                     cannot be repeated, so a condition about these stores is not found"
-                ),
+                Some(times) => {
+                    format!(
+                        "{text}; but {}, so a condition about its actions is not found",
+                        outside_action(times)
+                    )
+                }
             }
         },
     );
@@ -137,6 +139,15 @@ fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
         let times = [stretch.begin.time_us(), stretch.end_us()];
         (!stretch.is_repeated(host.plant_mut())).then_some(times)
     })
+}
+
+/// Returns the reason why the plant cannot repeat a stretch from a time to a time, in microseconds.
+fn outside_action(times: [u64; 2]) -> String {
+    let [from, end] = times.map(time::seconds);
+    format!(
+        "between {from} and {end} a program with mapped registers, or a guest at a door, has acted on the plant, which \
+         cannot be repeated"
+    )
 }
 
 /// Returns the last moment in a stretch, or at the beginning of the next one, at which `look` began to return a result.
@@ -179,13 +190,13 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
         let end = stretch.end_us();
         if !stretch.is_repeated(host.plant_mut()) {
             return_to(host, here);
-            let from = time::seconds(stretch.begin.time_us());
+            let begin = stretch.begin.time_us();
             let text = format_args!(
-                "between {from} and {} a program has stored registers through its mapping, which cannot be repeated; go back to \
-                 {from}, or give --ignore-programs to go without its stores",
-                time::seconds(end)
+                "{}; go back to {}, or give --ignore-programs to go without its actions",
+                outside_action([begin, end]),
+                time::seconds(begin)
             );
-            return Err(Refused::new(Code::SNAPSHOT, text));
+            return Err(Refused::new(Code::NOT_ALONE, text));
         }
     }
     go_to(host, &stretch.begin, true)?;
