@@ -236,7 +236,7 @@ impl Blocks {
         data: &[Vec<u8>],
     ) -> Vec<RegisterReading> {
         let views = views(session, &self.0, snapshot, data);
-        views.iter().flat_map(View::rows_or_dead_ones).map(|row| row.holding).collect()
+        views.iter().flat_map(View::rows).map(|row| row.holding).collect()
     }
 }
 
@@ -402,7 +402,7 @@ impl View<'_> {
     }
 
     /// Returns the selected registers that are live.
-    fn registers(&self) -> Vec<RegisterRef> {
+    fn live_registers(&self) -> Vec<RegisterRef> {
         let live = self.live();
         match &self.selection.registers {
             Some(registers) => registers.iter().filter(|register| is_live(register, live)).copied().collect(),
@@ -410,8 +410,17 @@ impl View<'_> {
         }
     }
 
+    /// Returns the selected registers that are live. If none of the named registers is live, returns all of them.
+    fn registers(&self) -> Vec<RegisterRef> {
+        let live = self.live_registers();
+        match &self.selection.registers {
+            Some(named) if live.is_empty() => named.clone(),
+            _ => live,
+        }
+    }
+
     fn has_live_registers(&self) -> bool {
-        self.area().structures.is_empty() || !self.registers().is_empty()
+        self.area().structures.is_empty() || !self.live_registers().is_empty()
     }
 
     fn rows(&self) -> Box<dyn Iterator<Item = DumpRow> + '_> {
@@ -419,14 +428,6 @@ impl View<'_> {
             return Box::new(self.plain());
         }
         Box::new(self.registers().into_iter().map(|register| self.row(&register)))
-    }
-
-    /// Returns the rows of the live registers. If no selected register is live, the rows of all selected registers.
-    fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
-        match (self.rows().collect::<Vec<_>>(), &self.selection.registers) {
-            (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
-            (rows, _) => rows,
-        }
     }
 
     fn row(&self, register: &RegisterRef) -> DumpRow {

@@ -12,10 +12,14 @@ impl Plant {
     /// Load of bus `bus` in thousandths: the part of the last `span_us` of emulated time in which frames kept
     /// the wire busy. If less time has passed since power-on, the load is for this time. Only frames that
     /// have arrived count. `None` if no time has passed. The load is computed from the records that the
-    /// journal still has; after a start from a snapshot, the journal has no records from before the snapshot.
+    /// journal still has. After a start from a snapshot, the journal has no records from before the snapshot,
+    /// so the load is `None` until `span_us` have passed (D-543).
     pub fn bus_load(&self, bus: BusIndex, span_us: u64) -> Option<u16> {
         let wire = self.buses().get(bus.index())?;
-        let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());
+        let begin = self.now().saturating_sub(span_us);
+        if begin < self.journal().since_us() {
+            return None;
+        }
         let mut busy_ns = 0;
         for record in self.journal().records().rev() {
             if record.time_us > begin {

@@ -82,7 +82,7 @@ impl Code {
     pub const CONDITIONS: Self = Self(40);
     /// A snapshot cannot be kept, read or restored.
     pub const SNAPSHOT: Self = Self(50);
-    /// An outside participant cannot go back with the plant.
+    /// An outside participant cannot go back with the plant, or its actions cannot be repeated.
     pub const NOT_ALONE: Self = Self(51);
     /// The time is before the kept history, or the condition did not occur within the kept history.
     pub const NOT_SO_FAR: Self = Self(52);

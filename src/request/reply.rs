@@ -73,6 +73,7 @@ pub struct BusState {
     /// Present bit rate of the bus, in bit/s.
     pub bit_s: u32,
     /// Load of the bus in the last 100 ms of emulated time, in thousandths, according to the records of the journal.
+    /// `None` while the frames of this time are unknown: in the first 100 ms after a start from a snapshot.
     pub load_permille: Option<u16>,
     /// The ports that are connected to the bus: `line:node2`.
     pub ports: Vec<String>,

@@ -209,6 +209,11 @@ impl Travel {
         }
     }
 
+    /// Returns the number of stretches that begin before this moment.
+    fn count_before(&self, time_us: u64) -> usize {
+        self.history.partition_point(|it| it.begin.time_us() < time_us)
+    }
+
     /// Returns the stretch that contains this moment, if it is kept.
     fn stretch_of(&self, time_us: u64) -> Option<usize> {
         self.history.partition_point(|it| it.begin.time_us() <= time_us).checked_sub(1)

@@ -51,8 +51,12 @@ impl Host for Emulator {
         if self.membership.federation.is_some() {
             return;
         }
+        let written = self.plant.journal().written();
         if self.plant.take_over_files() {
             self.travel.has_other_files();
+        } else if self.plant.journal().written() != written {
+            // A device has refused its files. The history cannot repeat the record of this refusal.
+            self.travel.touch();
         }
     }
 

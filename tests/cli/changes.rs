@@ -219,6 +219,19 @@ fn the_journal_contains_changes_of_watched_registers() {
     assert!(wrong.fails(2).contains("w_CPU_KONTROL"));
 }
 
+/// The head of `watch` counts registers that are not live, if no named register is live.
+#[test]
+fn watching_counts_registers_that_are_not_live() {
+    let emulator = Emulator::stepped();
+    for (names, count) in [
+        (&["node2.a_RD_BMARRAY[*][*]"][..], "watching 512 registers "),
+        (&["node2.a_RD_BMARRAY[0][0]", "node2.w_CPU_CONTROL"], "watching 2 registers "),
+    ] {
+        let note = Follower::start(&emulator, "watch", names).note();
+        assert!(note.contains(count), "{note}");
+    }
+}
+
 /// Node 1 of a slave has a doubleword where a master has bytes. A write to one of these bytes also changes the recorded
 /// doubleword.
 #[test]

@@ -663,6 +663,25 @@ fn declared_faults_work_in_every_command() {
     assert!(trace.out.contains("fault 2, frozen: cleared"), "{}{}", trace.out, trace.err);
 }
 
+/// A refused script changes only the journal, so the instance can go back to a moment before and after the refusal.
+#[test]
+fn a_refused_script_does_not_prevent_going_back() {
+    let place = Place::new();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.step(&["5ms"]);
+    place.write("cards/digital-io/firmware.rhai", "fn written(register, old, value) {\n  this.sum = ;\n}");
+    emulator.step(&["5ms"]);
+    let refusals =
+        || emulator.run("trace", &["--kind", "reload"]).ok().matches("files not read again").count();
+    assert_eq!(refusals(), 1);
+    for (back, time, count) in
+        [("1ms", "0.009000 s\n", 1), ("4ms", "0.005000 s\n", 1), ("2ms", "0.003000 s\n", 0)]
+    {
+        assert_eq!(emulator.run("step", &["--back", back]).ok(), time);
+        assert_eq!(refusals(), count, "{back}");
+    }
+}
+
 /// A stepped instance reads a changed script before its clock advances; a wrong one leaves the old one running.
 #[test]
 fn a_changed_script_is_read_again_in_stepped_mode() {

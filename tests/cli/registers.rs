@@ -348,14 +348,22 @@ fn a_dump_with_all_registers_has_the_reserved_ones_too() {
 }
 
 /// Where a structure is not live, its RAM contains the registers of another structure. So the registers of the first
-/// one are not shown.
+/// one are shown only if none of the named registers is live, and have a mark.
 #[test]
-fn a_dump_of_a_structure_that_is_not_live_is_empty() {
+fn a_dump_marks_registers_that_are_not_live() {
     let emulator = Emulator::stepped();
-    for args in [&["node2.a_STAT_SL", "--all"][..], &["node2.a_STAT_SL"]] {
+    let dump = emulator.run("dump", &["node2.a_STAT_SL"]);
+    assert!(dump.ok().ends_with("these registers are not live, see w_OPTION_STATUS\n"), "{}", dump.out);
+    let marks = |args: &[&str]| {
         let dump = emulator.run("dump", args);
-        assert!(dump.ok().ends_with("these registers are not live, see w_OPTION_STATUS\n"), "{}", dump.out);
-    }
+        (dump.ok().matches("(CANsync_MA_CTRL_BMSTRUCT, not live)").count(), dump.out)
+    };
+    assert_eq!(marks(&["node2.a_STAT_SL", "--full"]).0, 32);
+    emulator.poke(&["node2.a_RD_BMARRAY[0][1]=5"]);
+    let (count, out) = marks(&["node2.a_RD_BMARRAY[0][*]"]);
+    assert!(count == 1 && out.contains("node2.a_RD_BMARRAY[0][1]"), "{out}");
+    assert_eq!(marks(&["node2.a_RD_BMARRAY[0][*]", "--full", "--format", "json"]).0, 16);
+    assert_eq!(marks(&["node2.*", "--full"]).0, 0);
 }
 
 #[test]

@@ -5,7 +5,8 @@ use crate::plant::Snapshot;
 use crate::request::{Code, Host, Refused};
 use crate::time;
 
-/// Goes back by `us` microseconds.
+/// Goes back by `us` microseconds. By 0 µs nothing changes: the plant is in the state after the last action at the
+/// present moment already.
 pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let now = host.plant().now();
@@ -21,6 +22,9 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
         );
         return Err(Refused::new(Code::NOT_SO_FAR, text));
     };
+    if target == now {
+        return Ok(());
+    }
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
     let outcome = arrive(host, target, &here, detached).and_then(|()| go_on(host, &here));
@@ -69,10 +73,18 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
+    // The plant is still at power-on, so a condition that is true now became true there.
+    if here.time_us() == 0
+        && let Some(found) = look(host)?
+    {
+        return Ok(found);
+    }
     // The start of the next stretch, and whether `look` returns a result at that moment. After the loop, this is the
     // earliest moment of the history.
     let mut next_stretch = (here.time_us(), false);
-    for place in (0..host.plant_and_travel().1.history.len()).rev() {
+    // A stretch that begins at the present moment has no earlier moment, and may lack the last actions.
+    let earlier = host.plant_and_travel().1.count_before(here.time_us());
+    for place in (0..earlier).rev() {
         let found = last_in(host, place, next_stretch, &look);
         go_on(host, &here)?;
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
@@ -89,11 +101,13 @@ fn find_back<T>(
             let (plant, travel) = host.plant_and_travel();
             travel.is_at(plant);
             let none =
-                || Refused::new(Code::SNAPSHOT, "the moment was found, but not again on the way there");
+                || Refused::new(Code::NOT_SO_FAR, "the moment was found, but not again on the way there");
             return look(host)?.ok_or_else(none);
         }
         next_stretch = first;
     }
+    // Without an earlier stretch, the plant is still at the present moment.
+    let is_true = if earlier == 0 { look(host)?.is_some() } else { next_stretch.1 };
     let unrepeatable = last_unrepeatable(host);
     return_to(host, &here);
     let earliest = host.plant_and_travel().1.earliest();
@@ -101,14 +115,16 @@ fn find_back<T>(
         || host.plant_and_travel().1.nothing(),
         |earliest| {
             let earliest = time::seconds(earliest);
-            let since = if next_stretch.1 { "have been true since before" } else { "did not become true since" };
+            let since = if is_true { "have been true since before" } else { "did not become true since" };
             let text = format!("the conditions {since} {earliest}, the earliest moment of the history");
-            match unrepeatable.map(|times| times.map(time::seconds)) {
+            match unrepeatable {
                 None => text,
-                Some([from, end]) => format!(
-                    "{text}; but between {from} and {end} a program has stored registers through its mapping, which \
-                     cannot be repeated, so a condition about these stores is not found"
-                ),
+                Some(times) => {
+                    format!(
+                        "{text}; but {}, so a condition about its actions is not found",
+                        outside_action(times)
+                    )
+                }
             }
         },
     );
@@ -123,6 +139,15 @@ fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
         let times = [stretch.begin.time_us(), stretch.end_us()];
         (!stretch.is_repeated(host.plant_mut())).then_some(times)
     })
+}
+
+/// Returns the reason why the plant cannot repeat a stretch from a time to a time, in microseconds.
+fn outside_action(times: [u64; 2]) -> String {
+    let [from, end] = times.map(time::seconds);
+    format!(
+        "between {from} and {end} a program with mapped registers, or a guest at a door, has acted on the plant, which \
+         cannot be repeated"
+    )
 }
 
 /// Returns the last moment in a stretch, or at the beginning of the next one, at which `look` began to return a result.
@@ -165,13 +190,13 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
         let end = stretch.end_us();
         if !stretch.is_repeated(host.plant_mut()) {
             return_to(host, here);
-            let from = time::seconds(stretch.begin.time_us());
+            let begin = stretch.begin.time_us();
             let text = format_args!(
-                "between {from} and {} a program has stored registers through its mapping, which cannot be repeated; go back to \
-                 {from}, or give --ignore-programs to go without its stores",
-                time::seconds(end)
+                "{}; go back to {}, or give --ignore-programs to go without its actions",
+                outside_action([begin, end]),
+                time::seconds(begin)
             );
-            return Err(Refused::new(Code::SNAPSHOT, text));
+            return Err(Refused::new(Code::NOT_ALONE, text));
         }
     }
     go_to(host, &stretch.begin, true)?;

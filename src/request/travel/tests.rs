@@ -59,6 +59,35 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
 }
 
+/// At the present moment, the plant is in the state after the last action already. Only some of the actions at this
+/// moment are stores, which the history knows before the clock advances.
+#[test]
+fn going_back_by_no_time_keeps_all_actions_at_the_present_moment() {
+    let mut host = host();
+    host.request(&[poke(3), Op::ClearFindings, poke(4)]);
+    let before = host.plant.snapshot();
+    assert_eq!(host.request(&[back(0)]), [Reply::Time(9_000)]);
+    assert!(host.plant.snapshot() == before);
+    assert_eq!(held(&mut host), Reply::Value(4));
+    host.request(&[Op::Advance { us: 1_000 }, back(1_000), Op::ClearFindings, poke(6)]);
+    // Only earlier moments can be found, although a stretch of the history begins here.
+    let before = host.plant.snapshot();
+    let Some(Reply::Error(Refused { code, text, .. })) = host.request(&until(4)).pop() else { panic!() };
+    assert_eq!(
+        (code, text.as_str()),
+        (
+            Code::NOT_SO_FAR,
+            "the conditions did not become true since 0.000000 s, the earliest moment of the history"
+        )
+    );
+    assert!(host.plant.snapshot() == before);
+    // At the time 0 there is no earlier moment.
+    let mut host = TestHost::new(true);
+    host.request(&[Op::Advance { us: 1_000 }, back(1_000), Op::ClearFindings, poke(1)]);
+    assert_eq!(host.request(&until(1)).last(), Some(&Reply::Waited(Waited { time_us: 0, value: 1 })));
+    assert_eq!(held(&mut host), Reply::Value(1));
+}
+
 /// A return to the time 0 keeps the stores that clients made at this time. A return to the start does not keep them.
 #[test]
 fn the_start_is_before_the_first_action() {
@@ -222,15 +251,17 @@ fn unrepeatable_stores_through_the_map_are_reported() {
     let before = host.plant.snapshot();
     // The program's store is not repeated, so its condition is not found, and the refusal gives the reason.
     let Some(Reply::Error(Refused { text, .. })) = host.request(&until(7)).pop() else { panic!() };
-    assert!(text.contains("but between 0.000000 s and 0.010000 s a program has stored registers"), "{text}");
+    assert!(
+        text.contains("but between 0.000000 s and 0.010000 s a program with mapped registers,"),
+        "{text}"
+    );
     assert!(host.plant.snapshot() == before);
     let (code, text) = host.refusal(back(5_000));
-    assert_eq!(code, Code::SNAPSHOT);
-    assert!(
-        text.starts_with(
-            "between 0.000000 s and 0.010000 s a program has stored registers through its mapping"
-        ),
-        "{text}"
+    assert_eq!(code, Code::NOT_ALONE);
+    assert_eq!(
+        text,
+        "between 0.000000 s and 0.010000 s a program with mapped registers, or a guest at a door, has acted on the \
+         plant, which cannot be repeated; go back to 0.000000 s, or give --ignore-programs to go without its actions"
     );
     assert!(host.plant.snapshot() == before);
     assert_eq!(host.request(&[Op::Back { us: 5_000, detached: true }]), [Reply::Time(5_000)]);
