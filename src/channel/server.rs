@@ -159,7 +159,8 @@ impl Server {
 
     /// Drops requests of clients that have given up or died, and everything that departed clients have left in the host.
     fn forget_departed_clients(&mut self, host: &mut dyn Host) {
-        let has_belongings = host.plant_and_travel().1.belongs_to_clients();
+        let (plant, travel) = host.plant_and_travel();
+        let has_belongings = travel.belongs_to_clients() || plant.journal().belongs_to_clients();
         if self.waiting.is_empty() && !has_belongings {
             return;
         }
@@ -180,10 +181,13 @@ impl Server {
         }
     }
 
-    /// Deletes the snapshots and files of clients that have left the channel, or whose node is `dead`.
+    /// Deletes the snapshots and files of clients that have left the channel, or whose node is `dead`, and the registers that
+    /// they follow as observers.
     fn release_belongings(&self, host: &mut dyn Host, dead: &[UniqueNodeId]) {
         let present = self.clients(|node| !dead.contains(&node));
-        host.plant_and_travel().1.release_departed(|client| present.contains(&client));
+        let (plant, travel) = host.plant_and_travel();
+        travel.release_departed(|client| present.contains(&client));
+        plant.release_departed(|client| present.contains(&client));
     }
 
     /// Releases the snapshots of departed clients before a request that would be refused because of them.

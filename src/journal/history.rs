@@ -221,13 +221,32 @@ impl History {
             return true;
         }
         if self.onlookers.release(client, now) {
-            let Self { followed, onlookers, .. } = self;
-            followed.retain_mut(|it| {
-                it.for_onlookers = it.for_onlookers && onlookers.any_follows((it.plc, it.offset));
-                it.in_journal || it.for_onlookers
-            });
+            self.release_unfollowed();
         }
         has_room(self)
+    }
+
+    /// Releases the registers that no observer follows any more.
+    fn release_unfollowed(&mut self) {
+        let Self { followed, onlookers, .. } = self;
+        followed.retain_mut(|it| {
+            it.for_onlookers = it.for_onlookers && onlookers.any_follows((it.plc, it.offset));
+            it.in_journal || it.for_onlookers
+        });
+    }
+
+    /// True if a client of a channel follows registers as an observer.
+    #[cfg(any(feature = "channel", test))]
+    pub(super) fn belongs_to_clients(&self) -> bool {
+        self.onlookers.any_of_clients()
+    }
+
+    /// Releases the registers of observers for which `is_present` is false.
+    #[cfg(any(feature = "channel", test))]
+    pub(super) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
+        if self.onlookers.release_departed(is_present) {
+            self.release_unfollowed();
+        }
     }
 
     /// Compares all registers with their previous values; changes for the journal go to `note`.
@@ -518,6 +537,26 @@ mod tests {
         history.onlookers.age(1, GONE + Duration::from_secs(1));
         assert!((0..MAX_FOLLOWED as u32 / 4).all(|number| follow(&mut history, 5, number)));
         assert_eq!(history.onlookers.count(1), 0);
+    }
+
+    #[test]
+    fn departed_clients_leave_no_registers() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        let mut follow = |client: u128, offset: u32, keep: Keep| {
+            assert!(history.follow(client, DeviceIndex(0), offset, Width::Byte, keep, &rams));
+        };
+        follow(0, 1, Keep::ForOnlookers);
+        (1..4).for_each(|offset| follow(7, offset, Keep::ForOnlookers));
+        follow(7, 3, Keep::InJournal);
+        follow(8, 2, Keep::ForOnlookers);
+        follow(8, 4, Keep::ForOnlookers);
+        let offsets = |history: &History| history.followed.iter().map(|it| it.offset).collect::<Vec<_>>();
+        history.release_departed(|client| client != 7);
+        assert_eq!(offsets(&history), [1, 2, 3, 4], "followed by another client, or recorded");
+        assert!(history.belongs_to_clients() && history.onlookers.count(7) == 0);
+        history.release_departed(|_| false);
+        assert_eq!(offsets(&history), [1, 3]);
+        assert!(!history.belongs_to_clients());
     }
 
     #[test]

@@ -279,6 +279,18 @@ impl Journal {
         self.history.read(client, from, max)
     }
 
+    /// True if a client of a channel follows registers as an observer.
+    #[cfg(feature = "channel")]
+    pub(crate) fn belongs_to_clients(&self) -> bool {
+        self.history.belongs_to_clients()
+    }
+
+    /// Releases the registers of observers for which `is_present` is false.
+    #[cfg(feature = "channel")]
+    pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
+        self.history.release_departed(is_present);
+    }
+
     /// Records a finding of the access checker.
     #[cold]
     pub fn find(&mut self, time_us: u64, finding: Finding) {

@@ -85,6 +85,20 @@ impl Onlookers {
         count(&self.all) != before
     }
 
+    /// True if a client of a channel follows registers. Client 0 is the emulator's own process.
+    #[cfg(any(feature = "channel", test))]
+    pub(super) fn any_of_clients(&self) -> bool {
+        self.all.iter().any(|it| it.client != 0)
+    }
+
+    /// Releases the registers of clients for which `is_present` is false. Returns true if there were such clients.
+    #[cfg(any(feature = "channel", test))]
+    pub(super) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) -> bool {
+        let before = self.all.len();
+        self.all.retain(|it| it.client == 0 || is_present(it.client));
+        self.all.len() != before
+    }
+
     /// Makes all requests of a client older by a duration.
     #[cfg(test)]
     pub(super) fn age(&mut self, client: u128, by: Duration) {

@@ -77,6 +77,12 @@ impl Plant {
         self.journal.changes_for(client, from, max)
     }
 
+    /// Releases the registers that clients follow as observers if `is_present` is false for the client.
+    #[cfg(feature = "channel")]
+    pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {
+        self.journal.release_departed(is_present);
+    }
+
     /// Compares the followed registers, and records each difference as a change by `by`.
     #[inline]
     pub(super) fn keep_changes(&mut self, by: By) {
