@@ -133,7 +133,7 @@ impl Stretch {
         self.marks.as_ref().filter(|marks| marks.are_complete())
     }
 
-    /// True if a watched bit was changed after the last check. `runs` are those of the watch.
+    /// True if a watched bit was changed after the last check. `runs` contains all runs of the watch.
     #[inline]
     fn differs(&self, runs: &[Run]) -> bool {
         let runs = &runs[self.runs.clone()];
@@ -143,7 +143,7 @@ impl Stretch {
         differs
     }
 
-    /// Stores the present values as those of the last check. `runs` are those of the watch.
+    /// Stores the present values as those of the last check. `runs` contains all runs of the watch.
     #[inline]
     fn leave(&self, runs: &mut [Run]) {
         let runs = &mut runs[self.runs.clone()];

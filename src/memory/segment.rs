@@ -37,17 +37,11 @@ pub(super) struct Backing {
     /// Number of accessible bytes, a multiple of 4 and at least [`HEADER_SIZE`].
     size: usize,
     writable: bool,
-    memory: Memory,
-}
-
-/// Owner of the memory.
-enum Memory {
-    Map {
-        _map: MmapRaw,
-    },
-    /// Memory with marks of stores.
+    /// Owner of the memory, unless it has marks of stores.
+    _map: Option<MmapRaw>,
+    /// Owner of memory with marks of stores.
     #[cfg(feature = "emulator")]
-    Slot(Slot),
+    slot: Option<Slot>,
 }
 
 // SAFETY: the pointer is used only for accesses that several threads may make at the same time, and the map to which it
@@ -61,24 +55,28 @@ impl Backing {
     fn new(map: MmapRaw, size: usize, writable: bool) -> Option<Self> {
         let size = size & !3;
         let base = NonNull::new(map.as_mut_ptr()).filter(|_| size >= HEADER_SIZE && map.len() >= size)?;
-        Some(Self { base, size, writable, memory: Memory::Map { _map: map } })
+        Some(Self {
+            base,
+            size,
+            writable,
+            _map: Some(map),
+            #[cfg(feature = "emulator")]
+            slot: None,
+        })
     }
 
     /// Takes memory with marks of stores, if it is available.
     #[cfg(feature = "emulator")]
     fn marked(size: usize) -> Option<Self> {
         let slot = Slot::take(size)?;
-        Some(Self { base: NonNull::new(slot.base())?, size, writable: true, memory: Memory::Slot(slot) })
+        Some(Self { base: NonNull::new(slot.base())?, size, writable: true, _map: None, slot: Some(slot) })
     }
 
     /// Returns the slot of memory with marks of stores.
     #[cfg(feature = "emulator")]
     #[inline]
     pub(super) fn slot(&self) -> Option<&Slot> {
-        match &self.memory {
-            Memory::Map { .. } => None,
-            Memory::Slot(slot) => Some(slot),
-        }
+        self.slot.as_ref()
     }
 
     #[inline]

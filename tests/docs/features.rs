@@ -7,7 +7,7 @@ use std::process::Command;
 #[test]
 fn function_blocks_alone_need_few_crates() {
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(env!("CARGO_MANIFEST_DIR")).args(["tree", "--locked", "--offline"]);
+    cargo.current_dir(env!("CARGO_MANIFEST_DIR")).args(["tree", "--locked", "--offline", "--quiet"]);
     cargo.args(["-e", "normal", "--prefix", "none", "--no-default-features", "--features", "plc"]);
     let tree = finish(&mut cargo).ok().to_owned();
     let mut crates: Vec<_> = tree.lines().map(|line| line.trim_end_matches(" (*)")).collect();
