@@ -1,6 +1,8 @@
 //! A request of the channel: executes its operations in order, and collects the replies.
 
 use super::wire::{ReplyBuffer, WireOp};
+use crate::identity::DeviceIndex;
+use crate::journal::Keep;
 use crate::request::{Code, Execution, Host, MAX_OPS, Op, Refused};
 
 /// State of a request.
@@ -84,6 +86,12 @@ impl Run {
     /// True if an operation keeps a snapshot.
     pub(crate) fn asks_to_save(ops: &[WireOp]) -> bool {
         Self::contains(ops, Op::Save)
+    }
+
+    /// True if an operation follows registers.
+    pub(crate) fn asks_to_follow(ops: &[WireOp]) -> bool {
+        let plc = DeviceIndex::at(0);
+        Self::contains(ops, Op::Follow { plc, offset: 0, len: 0, keep: Keep::ForOnlookers })
     }
 
     fn contains(ops: &[WireOp], op: Op) -> bool {

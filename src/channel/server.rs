@@ -190,9 +190,13 @@ impl Server {
         plant.release_departed(|client| present.contains(&client));
     }
 
-    /// Releases the snapshots of departed clients before a request that would be refused because of them.
+    /// Releases the snapshots and followed registers of departed clients before a request that could be refused because of
+    /// them.
     fn make_room(&mut self, host: &mut dyn Host, request: &Request) {
-        if Run::asks_to_save(request.payload()) && host.plant_and_travel().1.is_nearly_full() {
+        let (plant, travel) = host.plant_and_travel();
+        let needs_room = Run::asks_to_save(request.payload()) && travel.is_nearly_full()
+            || Run::asks_to_follow(request.payload()) && plant.journal().follows_many_for_clients();
+        if needs_room {
             let domain = self.domain.clone();
             // In a damaged channel the query may not return. Snapshots of dead clients then stay.
             let dead = limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()).unwrap_or_default();

@@ -241,6 +241,12 @@ impl History {
         self.onlookers.any_of_clients()
     }
 
+    /// True if more than a quarter of all places is taken.
+    #[cfg(feature = "channel")]
+    pub(super) fn follows_many(&self) -> bool {
+        self.followed.len() > MAX_FOLLOWED / 4
+    }
+
     /// Releases the registers of observers for which `is_present` is false.
     #[cfg(any(feature = "channel", test))]
     pub(super) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {

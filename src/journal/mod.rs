@@ -285,6 +285,12 @@ impl Journal {
         self.history.belongs_to_clients()
     }
 
+    /// True if clients of a channel follow so many registers that another client could be refused.
+    #[cfg(feature = "channel")]
+    pub(crate) fn follows_many_for_clients(&self) -> bool {
+        self.history.belongs_to_clients() && self.history.follows_many()
+    }
+
     /// Releases the registers of observers for which `is_present` is false.
     #[cfg(feature = "channel")]
     pub(crate) fn release_departed(&mut self, is_present: impl Fn(u128) -> bool) {

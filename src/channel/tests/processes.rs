@@ -4,6 +4,7 @@ use super::rig::{Emulator, InstanceFiles, LONG, is_gone, serve};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, Client, ClientError};
 use crate::identity::DeviceIndex;
+use crate::journal::Keep;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{MAX_ADVANCE_US, Op, Reply};
@@ -147,6 +148,31 @@ fn snapshots_of_departed_clients_take_no_place() {
         assert!(matches!(reply, Reply::Time(_)), "{reply:?}");
     }
     drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+/// The registers that a client follows become free for other clients at once when the client leaves.
+#[test]
+fn followed_registers_of_departed_clients_take_no_place() {
+    // Less than half of all registers, so that a client alone may follow them. In plain RAM, a register has four bytes.
+    const COUNT: u32 = 30_000;
+    let place = Arc::new(InstanceFiles::new());
+    let emulator = Emulator::start(&place, true);
+    let follow = |client: &Client, first: u32| {
+        (first..first + 4 * COUNT).step_by(4000).all(|offset| {
+            let follow = Op::Follow { plc: DeviceIndex(0), offset, len: 4000, keep: Keep::ForOnlookers };
+            client.request(&[follow]).unwrap() == [Reply::Written]
+        })
+    };
+    let (first, second) = (RAM.start, RAM.start + 4 * COUNT);
+    let leaving = place.client();
+    assert!(follow(&leaving, first));
+    let next = place.client();
+    assert!(!follow(&next, second));
+    drop(leaving);
+    assert!(follow(&next, second));
+    drop(next);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
