@@ -57,7 +57,7 @@ pub(crate) fn print<R: Row>(
     }
 }
 
-/// Prints rows like [`print`], but does not keep them in memory in the formats for programs.
+/// Prints rows like [`print()`], but does not keep them in memory in the formats for programs.
 ///
 /// # Errors
 /// Returns the errors of [`output::print`].
