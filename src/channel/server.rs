@@ -194,8 +194,8 @@ impl Server {
     /// them.
     fn make_room(&mut self, host: &mut dyn Host, request: &Request) {
         let (plant, travel) = host.plant_and_travel();
-        let needs_room = Run::asks_to_save(request.payload()) && travel.is_nearly_full()
-            || Run::asks_to_follow(request.payload()) && plant.journal().follows_many_for_clients();
+        let needs_room = travel.is_nearly_full() && Run::asks_to_save(request.payload())
+            || plant.journal().follows_many_for_clients() && Run::asks_to_follow(request.payload());
         if needs_room {
             let domain = self.domain.clone();
             // In a damaged channel the query may not return. Snapshots of dead clients then stay.
