@@ -307,8 +307,10 @@ fn write_overlaid(layout: &std::path::Path, count: usize, words: usize, more: &s
         std::fs::write(layout.join(format!("{name}.toml")), text).unwrap();
     }
     let quoted = names.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
-    let placed: String =
-        names.iter().map(|name| format!("{{ name = '{name}', live = 'always' }},\n")).collect();
+    let placed: String = names
+        .iter()
+        .map(|name| format!("{{ name = '{name}', live = 'always', variable = '_{name}' }},\n"))
+        .collect();
     let device = format!(
         "name = 'any'\ntitle = 'Any'\nmanual = '1'\nreserved = {{ owner = 'firmware', source = 'manual' }}\n\
          structures = [{quoted}]\nnames = 'manual'\n[[space]]\nname = 's'\nletter = 'M'\nsegment = 3\n\
