@@ -30,12 +30,6 @@ impl Baseline {
         }
     }
 
-    /// Returns the marks, if all stores are marked.
-    #[inline]
-    fn marks(&self) -> Option<&LineMarks> {
-        self.marks.as_ref().filter(|marks| marks.are_complete())
-    }
-
     /// Word number `index`; 0 after the last one.
     #[inline]
     pub(crate) fn word(&self, index: usize) -> u64 {
@@ -73,9 +67,7 @@ impl Baseline {
     /// Does the same as [`Baseline::copy`], but reads only marked lines, and clears their marks.
     #[inline]
     pub(crate) fn copy_marked(&mut self, now: &[Cell64]) {
-        let Some(marks) = self.marks.as_ref().filter(|marks| marks.are_complete()) else {
-            return self.copy(now);
-        };
+        let Some(marks) = LineMarks::complete(&self.marks) else { return self.copy(now) };
         let left = Block::words_of_mut(&mut self.blocks);
         let (before, left) = left.split_at_mut(self.unmarked.min(left.len()));
         let (lines, after) = left.as_chunks_mut::<LINE_WORDS>();
@@ -103,7 +95,7 @@ impl Baseline {
     /// Does the same as [`Baseline::compare`], but compares only marked lines.
     #[inline]
     pub(crate) fn compare_marked(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
-        let Some(marks) = self.marks() else { return self.compare(now, changed) };
+        let Some(marks) = LineMarks::complete(&self.marks) else { return self.compare(now, changed) };
         let left = Lines::of(Block::words_of(&self.blocks), self.unmarked);
         let cells = Lines::of(now, self.unmarked);
         collect(0, left.before, cells.before, changed);
@@ -126,7 +118,7 @@ impl Baseline {
     /// True if any word differs in one of these bits. Compares only marked lines.
     #[inline]
     pub(crate) fn differs_in(&self, now: &[Cell64], watched: &[Block]) -> bool {
-        let Some(marks) = self.marks() else {
+        let Some(marks) = LineMarks::complete(&self.marks) else {
             let (now, _) = now.as_chunks();
             return Block::differ_in(&self.blocks, now, watched);
         };

@@ -127,17 +127,11 @@ impl Stretch {
         stretches.collect()
     }
 
-    /// Returns the marks, if all stores are marked.
-    #[inline]
-    fn marks(&self) -> Option<&LineMarks> {
-        self.marks.as_ref().filter(|marks| marks.are_complete())
-    }
-
     /// True if a watched bit was changed after the last check. `runs` contains all runs of the watch.
     #[inline]
     fn differs(&self, runs: &[Run]) -> bool {
         let runs = &runs[self.runs.clone()];
-        let Some(marks) = self.marks() else { return runs.iter().any(Run::differs) };
+        let Some(marks) = LineMarks::complete(&self.marks) else { return runs.iter().any(Run::differs) };
         let mut differs = false;
         marks.each_marked(usize::MAX, |line| differs |= runs[line / Run::LINES].differs());
         differs
@@ -147,7 +141,7 @@ impl Stretch {
     #[inline]
     fn leave(&self, runs: &mut [Run]) {
         let runs = &mut runs[self.runs.clone()];
-        match self.marks() {
+        match LineMarks::complete(&self.marks) {
             None => runs.iter_mut().for_each(Run::leave),
             Some(marks) => marks.take(usize::MAX, |line| runs[line / Run::LINES].leave()),
         }

@@ -93,7 +93,7 @@ struct Required {
     state: RequiredState,
 }
 
-/// What is known about the effect of a required fault. The plant forgets a fault that was cleared, or added after the
+/// Knowledge about the effect of a required fault. The plant forgets a fault that was cleared, or added after the
 /// moment to which the clock has returned.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum RequiredState {

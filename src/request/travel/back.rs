@@ -5,7 +5,7 @@ use crate::plant::Snapshot;
 use crate::request::{Code, Host, Refused};
 use crate::time;
 
-/// Goes back by `us` microseconds. By 0 µs nothing changes: the plant is in the state after the last action at the
+/// Goes back by `us` microseconds. By 0 us nothing changes: the plant is in the state after the last action at the
 /// present moment already.
 pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
