@@ -205,11 +205,11 @@ impl Journal {
     fn keep(&mut self, time_us: u64, event: Event, keeping: Keeping, octets: Option<Arc<[u8]>>) {
         self.witness(time_us, event);
         match keeping {
-            Keeping::Noted => self.ring.note(Record { octets, ..Record::single(time_us, event) }),
+            Keeping::Noted => self.ring.note_single(time_us, event, octets),
             Keeping::Counted => self.count(time_us, event),
             Keeping::Request { plc, offset, value } => {
                 self.requests.written(time_us, plc, offset, value);
-                self.ring.note(Record::single(time_us, event));
+                self.ring.note_single(time_us, event, None);
             }
             Keeping::Answer { plc, offset, request, pending_value } => {
                 match self.requests.answered(time_us, plc, offset, request, pending_value) {
@@ -323,7 +323,7 @@ impl Journal {
         }
         if self.findings.add(time_us, finding, note) {
             let octets = note.map(|note| Arc::from(note.as_bytes()));
-            self.ring.note(Record { octets, ..Record::single(time_us, event) });
+            self.ring.note_single(time_us, event, octets);
         }
     }
 
@@ -347,7 +347,7 @@ impl Journal {
             self.ring.note(record);
         }
         if single {
-            self.ring.note(Record::single(time_us, event));
+            self.ring.note_single(time_us, event, None);
         }
     }
 
@@ -384,7 +384,7 @@ impl Journal {
     pub fn tick_through(&mut self, first: u64, step: u64, count: u64) {
         let end = first + count * step;
         let mut at = first;
-        loop {
+        while self.next_look < end {
             at += self.next_look.saturating_sub(at).div_ceil(step) * step;
             if at >= end {
                 return;

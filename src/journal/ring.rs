@@ -44,8 +44,18 @@ struct RecordRing {
 }
 
 impl RecordRing {
-    /// Drops the oldest records until there is room for a line and its octets in a ring of `capacity` lines.
+    /// Appends a line. Drops the oldest records until there is room for it and its octets in a ring of `capacity` lines.
     #[inline]
+    fn append(&mut self, line: Line, octets: Option<Arc<[u8]>>, capacity: usize) {
+        if self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
+            self.make_room(capacity);
+        }
+        if let Some(octets) = octets {
+            self.push_octets(StoredOctets { seq: line.seq, octets });
+        }
+        self.lines.push_back(line);
+    }
+
     fn make_room(&mut self, capacity: usize) {
         // The newest record is always kept, even if it alone exceeds the capacity.
         while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
@@ -59,21 +69,14 @@ impl RecordRing {
         }
     }
 
-    #[inline]
-    fn push(&mut self, record: Record) {
-        // The phases are added when the record is read.
-        let Record { seq, time_us, event, count, period_us, latency_us, octets, phases: _ } = record;
-        if let Some(octets) = octets {
-            let stored = StoredOctets { seq, octets };
-            self.octet_bytes += stored.bytes();
-            self.octets.push_back(stored);
-            // Octets and lines share the memory of the ring, so fewer lines fit now. Memory that the lines no longer
-            // need is released.
-            if self.lines.capacity() / 4 > self.lines.len().max(16) {
-                self.lines.shrink_to(2 * self.lines.len());
-            }
+    fn push_octets(&mut self, stored: StoredOctets) {
+        self.octet_bytes += stored.bytes();
+        self.octets.push_back(stored);
+        // Octets and lines share the memory of the ring, so fewer lines fit now. Memory that the lines no longer
+        // need is released.
+        if self.lines.capacity() / 4 > self.lines.len().max(16) {
+            self.lines.shrink_to(2 * self.lines.len());
         }
-        self.lines.push_back(Line { seq, time_us, event, count, period_us, latency_us });
     }
 
     /// Drops the records from number `end` on.
@@ -104,14 +107,24 @@ impl Rings {
     }
 
     /// Gives a record its number and appends it. If its ring is full, drops the oldest records of this ring.
-    #[inline]
     pub(crate) fn note(&mut self, record: Record) {
-        let seq = self.end;
+        // The phases are added when the record is read.
+        let Record { seq: _, time_us, event, count, period_us, latency_us, octets, phases: _ } = record;
+        self.append(Line { seq: self.end, time_us, event, count, period_us, latency_us }, octets);
+    }
+
+    /// Does the same as [`Rings::note`] for a record of one event.
+    #[inline]
+    pub(crate) fn note_single(&mut self, time_us: u64, event: Event, octets: Option<Arc<[u8]>>) {
+        let line = Line { seq: self.end, time_us, event, count: 1, period_us: 0, latency_us: None };
+        self.append(line, octets);
+    }
+
+    #[inline]
+    fn append(&mut self, line: Line, octets: Option<Arc<[u8]>>) {
         self.end += 1;
-        let ring = record.event.kind().ring();
-        let record_ring = &mut self.record_rings[ring as usize];
-        record_ring.make_room(ring.share(self.capacity));
-        record_ring.push(Record { seq, ..record });
+        let ring = line.event.kind().ring();
+        self.record_rings[ring as usize].append(line, octets, ring.share(self.capacity));
     }
 
     /// Sets the number of the next record to `end`. Earlier records are kept only if they are of the same run.

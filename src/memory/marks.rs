@@ -149,8 +149,8 @@ fn is_reserved() -> bool {
 
 /// Number of marks that are read at once.
 const WORD: usize = size_of::<u64>();
-/// Number of marks that are cleared together.
-const GROUP: usize = 8 * WORD;
+/// Number of words whose marks are cleared together.
+const GROUP: usize = 8;
 
 /// The marks of consecutive lines of a memory segment. Only the owner clears them.
 pub(crate) struct LineMarks {
@@ -184,64 +184,65 @@ impl LineMarks {
         marks.as_ref().filter(|marks| marks.backing.slot().is_some_and(is_complete))
     }
 
-    /// Returns the marks in the word `first` bytes after the first word, up to byte `end`.
+    /// Calls `read` for each word that contains a mark of the first `count` lines, with its distance from the first word in
+    /// marks. The word has only these marks.
     #[inline]
-    fn word(&self, first: usize, end: usize) -> u64 {
-        // SAFETY: the word contains a mark of this slot, which `backing` keeps, and marks of slots begin and end with a
-        // page.
-        let mut word = u64::from_le(unsafe { u64::load(ptr::with_exposed_provenance(self.first + first)) });
-        if first == 0 {
-            word &= u64::MAX << (8 * self.skipped);
+    fn each_word(&self, count: usize, mut read: impl FnMut(usize, u64)) {
+        let end = self.skipped + count.min(self.lines.len());
+        let mut read_word = |first: usize, wanted: u64| {
+            // SAFETY: the word contains a mark of this slot, which `backing` keeps, and marks of slots begin and end with a
+            // page.
+            let word = u64::from_le(unsafe { u64::load(ptr::with_exposed_provenance(self.first + first)) });
+            if word & wanted != 0 {
+                read(first, word & wanted);
+            }
+        };
+        let mut wanted = u64::MAX << (8 * self.skipped);
+        let whole = end / WORD * WORD;
+        for first in (0..end / WORD).map(|word| word * WORD) {
+            read_word(first, wanted);
+            wanted = u64::MAX;
         }
-        if end - first < WORD {
-            word &= u64::MAX >> (8 * (WORD - (end - first)));
+        if whole < end {
+            read_word(whole, wanted & !(u64::MAX << (8 * (end - whole))));
         }
-        word
-    }
-
-    /// Returns the end of the first `count` marks in the words from the first one on.
-    #[inline]
-    fn end(&self, count: usize) -> usize {
-        self.skipped + count.min(self.lines.len())
     }
 
     /// Calls `read` for the marked ones of the first `count` lines. Line 0 is the first claimed line.
     #[inline]
     pub(crate) fn each_marked(&self, count: usize, mut read: impl FnMut(usize)) {
-        let end = self.end(count);
-        for first in (0..end).step_by(WORD) {
-            each_mark(self.word(first, end), |mark| read(first + mark - self.skipped));
-        }
+        self.each_word(count, |first, word| each_mark(word, |mark| read(first + mark - self.skipped)));
     }
 
     /// Clears the marks of the first `count` lines, and calls `read` for each line that was marked. A store at the same
     /// time leaves a mark, or `read` sees it.
     #[inline]
     pub(crate) fn take(&self, count: usize, mut read: impl FnMut(usize)) {
-        let end = self.end(count);
-        let mut first = 0;
-        while first < end {
-            if self.word(first, end) == 0 {
-                first += WORD;
-                continue;
-            }
-            let mut group = [0; GROUP / WORD];
-            let words = || (first..end).step_by(WORD);
-            for (word, first) in group.iter_mut().zip(words()) {
-                *word = self.word(first, end);
-                each_mark(*word, |mark| {
-                    let at = ptr::with_exposed_provenance_mut(self.first + first + mark);
-                    // SAFETY: the mark belongs to this slot, which `backing` keeps.
-                    unsafe { u8::store(at, 0) }
-                });
-            }
+        let mut taken = [(0, 0); GROUP];
+        let mut len = 0;
+        let mut read_all = |taken: &[(usize, u64)]| {
             // Otherwise the processor could read a line before the mark is cleared for all others, so that a store between
             // loses its mark.
             fence(Ordering::SeqCst);
-            for (word, first) in group.into_iter().zip(words()) {
+            for &(first, word) in taken {
                 each_mark(word, |mark| read(first + mark - self.skipped));
             }
-            first += GROUP;
+        };
+        self.each_word(count, |first, word| {
+            each_mark(word, |mark| {
+                let at = ptr::with_exposed_provenance_mut(self.first + first + mark);
+                // SAFETY: the mark belongs to this slot, which `backing` keeps.
+                unsafe { u8::store(at, 0) }
+            });
+            taken[len] = (first, word);
+            len += 1;
+            if len == GROUP {
+                read_all(&taken);
+                len = 0;
+            }
+        });
+        if len > 0 {
+            read_all(&taken[..len]);
         }
     }
 

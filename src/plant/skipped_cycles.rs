@@ -65,7 +65,9 @@ impl Plant {
         }
         // No event occurs before the last of these polls. If the last poll changes nothing, the earlier polls change
         // nothing either.
-        let more = (due.min(time - cycle_us) - first) / cycle_us;
+        let span = due.min(time - cycle_us) - first;
+        // Usually the next event comes before the second poll. This needs no division.
+        let more = if span < cycle_us { 0 } else { span / cycle_us };
         let Some(more) =
             [more, 0].into_iter().find(|more| self.poll_changes_nothing(first + more * cycle_us))
         else {

@@ -41,7 +41,7 @@ use disturbance::Disturbance;
 use drives::Drives;
 use end::{DriveEnd, End, PortRef};
 use own_clock::OwnClock;
-use schedule::{Schedule, Slot};
+use schedule::{Next, Schedule, Slot};
 use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
 
@@ -99,8 +99,8 @@ pub struct SimBus {
     processor_cycle_us: u64,
     running: Option<RunningBus>,
     schedule: Schedule,
-    /// Emulated time of the next event, in microseconds.
-    next: u64,
+    /// The next event. It is set after each change of the schedule.
+    next: Next,
     /// The last frame of each kind. A frame is stored as soon as its slot is determined. So several frames
     /// may have times in the future.
     on_wire: [Option<OnWire>; PLACES],
@@ -156,7 +156,7 @@ impl SimBus {
             processor_cycle_us: 0,
             running: None,
             schedule: Schedule::empty(),
-            next: Schedule::NEVER,
+            next: Schedule::empty().next(),
             on_wire: [None; PLACES],
             reference: [None; 2],
             actual: [None; 2],
@@ -194,7 +194,7 @@ impl SimBus {
         if own_sync {
             self.schedule.set(Slot::Sync, now);
         }
-        self.next = self.schedule.next_time();
+        self.next = self.schedule.next();
     }
 
     /// Stops SYNC and all frames because the master was restarted. The drives continue by their own clocks.
@@ -202,7 +202,7 @@ impl SimBus {
         self.running = None;
         self.schedule.clear();
         self.schedule_own_clock(now);
-        self.next = self.schedule.next_time();
+        self.next = self.schedule.next();
         self.on_wire = [None; PLACES];
         self.asked = None;
         self.drive_answer = None;
@@ -212,10 +212,10 @@ impl SimBus {
     /// Handles the slot at `world.now`. Returns true if the slot was a SYNC edge that went out on the line.
     fn slot_due(&mut self, world: &mut World) -> bool {
         let now = world.now;
-        let Some(slot) = self.schedule.take(now) else { return false };
+        let Some(slot) = self.schedule.take(self.next, now) else { return false };
         if slot == Slot::OwnClock {
             self.own_clock_event(now);
-            self.next = self.schedule.next_time();
+            self.next = self.schedule.next();
             return false;
         }
         let Some(running) = &mut self.running else { return false };
@@ -245,7 +245,7 @@ impl SimBus {
             // This slot was handled at the beginning of the function, because it does not need a running bus.
             Slot::OwnClock => {}
         }
-        self.next = self.schedule.next_time();
+        self.next = self.schedule.next();
         edge
     }
 }

@@ -34,7 +34,7 @@ impl SimBus {
         let end = begin + u64::from(airtime.occupation_us);
         self.disturbance.strays.push(Stray { end, frame, copy: true, guest: Some(guest) });
         self.schedule_strays();
-        self.next = self.schedule.next_time();
+        self.next = self.schedule.next();
         Ok(())
     }
 

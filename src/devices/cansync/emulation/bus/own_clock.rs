@@ -66,7 +66,7 @@ impl SimBus {
     /// Schedules the own clock again, because a drive that may have been idle has changed.
     pub(super) fn wake_drives(&mut self, now: u64) {
         self.schedule_own_clock(now);
-        self.next = self.schedule.next_time();
+        self.next = self.schedule.next();
     }
 
     /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off do not need their own clock: they

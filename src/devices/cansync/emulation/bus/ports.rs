@@ -234,7 +234,7 @@ impl Bus for SimBus {
     }
 
     fn next_time(&self) -> u64 {
-        self.next
+        self.next.time
     }
 
     /// The bus is independent until the next edge. An edge also affects devices and other buses.
@@ -309,7 +309,7 @@ impl SyncLine for SimBus {
         if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
             running.signal = signal;
             self.schedule.set(Slot::Sync, now);
-            self.next = self.schedule.next_time();
+            self.next = self.schedule.next();
         }
     }
 

@@ -59,6 +59,15 @@ const ALL: [Slot; 16] = [
     Slot::OwnClock,
 ];
 
+/// The next slot of a schedule.
+#[derive(Clone, Copy)]
+pub(super) struct Next {
+    /// Due time of the slot, in microseconds.
+    pub(super) time: u64,
+    /// Index of the slot.
+    index: u8,
+}
+
 /// Due times of all slots of one bus. Each slot has at most one due time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Schedule {
@@ -82,17 +91,6 @@ impl Schedule {
         self.open = if at == Self::NEVER { self.open & !bit } else { self.open | bit };
     }
 
-    /// Returns the slots with a due time, in ascending order.
-    #[inline]
-    fn open(&self) -> impl Iterator<Item = usize> {
-        let mut open = self.open;
-        core::iter::from_fn(move || {
-            let index = (open != 0).then(|| open.trailing_zeros() as usize)?;
-            open &= open - 1;
-            Some(index)
-        })
-    }
-
     #[inline]
     pub(super) fn at(&self, slot: Slot) -> Option<u64> {
         Some(self.due[slot as usize]).filter(|at| *at != Self::NEVER)
@@ -107,18 +105,31 @@ impl Schedule {
         *self = Self::empty();
     }
 
-    /// Returns the due time of the next slot; [`Schedule::NEVER`] if there is none.
+    /// Returns the next slot and its due time: the earliest one, of equal ones the first. [`Schedule::NEVER`] means that there
+    /// is none.
     #[inline]
-    pub(super) fn next_time(&self) -> u64 {
-        self.open().map(|index| self.due[index]).fold(Self::NEVER, u64::min)
+    pub(super) fn next(&self) -> Next {
+        let mut next = Next { time: Self::NEVER, index: 0 };
+        let mut open = self.open;
+        while open != 0 {
+            let index = open.trailing_zeros() as usize;
+            if self.due[index] < next.time {
+                next = Next { time: self.due[index], index: index as u8 };
+            }
+            open &= open - 1;
+        }
+        next
     }
 
-    /// Removes and returns the first slot with the due time `time`.
+    /// Removes and returns the slot that [`Schedule::next`] has returned, if it is still due at `time`.
     #[inline]
-    pub(super) fn take(&mut self, time: u64) -> Option<Slot> {
-        let slot = ALL[self.open().find(|index| self.due[*index] == time)?];
-        self.cancel(slot);
-        Some(slot)
+    pub(super) fn take(&mut self, next: Next, time: u64) -> Option<Slot> {
+        let index = usize::from(next.index);
+        if self.due[index] != time {
+            return None;
+        }
+        self.cancel(ALL[index]);
+        Some(ALL[index])
     }
 }
 
@@ -136,14 +147,15 @@ mod tests {
     #[test]
     fn simultaneous_slots_are_taken_in_the_order_of_the_enum() {
         let mut schedule = Schedule::empty();
-        assert_eq!(schedule.next_time(), Schedule::NEVER);
+        assert_eq!(schedule.next().time, Schedule::NEVER);
+        assert_eq!(schedule.take(schedule.next(), 5), None);
         schedule.set(Slot::CommandStart, 5);
         schedule.set(Slot::Sync, 5);
         schedule.set(Slot::Build1, 9);
-        assert_eq!(schedule.next_time(), 5);
-        assert_eq!(schedule.take(5), Some(Slot::Sync));
-        assert_eq!(schedule.take(5), Some(Slot::CommandStart));
-        assert_eq!(schedule.take(5), None);
-        assert_eq!(schedule.next_time(), 9);
+        let mut take = |time| (schedule.next().time, schedule.take(schedule.next(), time));
+        assert_eq!(take(5), (5, Some(Slot::Sync)));
+        assert_eq!(take(5), (5, Some(Slot::CommandStart)));
+        assert_eq!(take(5), (9, None));
+        assert_eq!(take(9), (9, Some(Slot::Build1)));
     }
 }

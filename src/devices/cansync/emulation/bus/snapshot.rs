@@ -39,7 +39,7 @@ impl SnapshotFields for SimBus {
         to.value(stations);
         // The rate is not saved: it is the rate of the master that started the bus.
         to.value(&running.as_ref().map(|it| (it.own_sync, it.signal, it.start)));
-        to.value(&(schedule, next, on_wire, reference, actual, command));
+        to.value(&(schedule, next.time, on_wire, reference, actual, command));
         to.value(&(asked, drive_answer, response, disturbance, own_clock));
     }
 
@@ -64,8 +64,10 @@ impl SnapshotFields for SimBus {
                 Some(RunningBus { timing, own_sync, signal, start })
             }
         };
-        (self.schedule, self.next, self.on_wire, self.reference, self.actual, self.command) = from.value()?;
+        let time: u64;
+        (self.schedule, time, self.on_wire, self.reference, self.actual, self.command) = from.value()?;
+        self.next = self.schedule.next();
         (self.asked, self.drive_answer, self.response, self.disturbance, self.own_clock) = from.value()?;
-        from.check(self.next == self.schedule.next_time(), "time of the next slot")
+        from.check(self.next.time == time, "time of the next slot")
     }
 }
