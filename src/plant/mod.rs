@@ -446,9 +446,11 @@ impl Plant {
             0
         };
         let signal = loop {
-            let Plant { now, buses, journal, faults, edges, .. } = self;
+            let Plant { now, next_cycle, buses, journal, faults, edges, .. } = self;
             let Some(bus) = buses.get_mut(index.index()) else { return };
-            let signal = bus.event(&mut World { now: *now, journal, faults, edges });
+            let mut world = World { now: *now, journal, faults, edges };
+            let signal = bus.events(&mut world, until.min(*next_cycle));
+            *now = world.now;
             let next = bus.next_time();
             if signal.is_some() || !edges.is_empty() || next >= until || !self.leaves_cycles_out(next, time) {
                 self.schedule.set(index.index(), next);

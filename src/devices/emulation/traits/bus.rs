@@ -98,6 +98,19 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// SYNC signal.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
+    /// Handles the event at `world.now` like [`Bus::event`], and the following events before `until`, up to a SYNC edge.
+    /// `world.now` is then the time of the last event.
+    fn events(&mut self, world: &mut World, until: u64) -> Option<SyncSignal> {
+        loop {
+            let signal = self.event(world);
+            let next = self.next_time();
+            if signal.is_some() || !world.edges.is_empty() || next >= until {
+                return signal;
+            }
+            world.now = next;
+        }
+    }
+
     /// Returns the time of the last frame that a port has sent or received since it joined the bus, in
     /// emulated microseconds. `None` if there was no frame, or if the bus does not record this time.
     fn last_frame(&self, place: usize) -> Option<u64> {
