@@ -162,6 +162,8 @@ pub(crate) fn rows(lines: &[Vec<String>]) -> Vec<String> {
 
 /// Minimum width of the last column, if its text is wrapped inside the column.
 const NARROW: usize = 24;
+/// Greatest width to which a column is padded. A longer cell moves the rest of its own row only.
+const WIDE: usize = 1000;
 /// Indentation of the further lines of a row.
 const INDENT: usize = 4;
 
@@ -171,7 +173,7 @@ fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
     for line in lines {
         widths.resize(widths.len().max(line.len()), 0);
         for (width, cell) in widths.iter_mut().zip(line) {
-            *width = (*width).max(cell.chars().count());
+            *width = (*width).max(cell.chars().count().min(WIDE));
         }
     }
     let padded = |line: &[String]| {
@@ -249,6 +251,17 @@ mod tests {
     fn columns_are_as_wide_as_their_widest_cell_and_lines_end_without_blanks() {
         let text = aligned(&[Pair("größer", "a"), Pair("b", "")]);
         assert_eq!(text, "NAME    TEXT\ngrößer  a\nb\n");
+    }
+
+    /// A text of any length can come from a file of the user.
+    #[test]
+    fn a_very_long_cell_does_not_pad_the_other_rows() {
+        let long = "x".repeat(100_000);
+        let cells = |line: &[&str]| line.iter().map(|cell| (*cell).to_owned()).collect::<Vec<_>>();
+        let lines = [cells(&[&long, "a"]), cells(&["b", "c"])];
+        let expected = [format!("{long}  a"), format!("{:WIDE$}  c", "b")];
+        assert_eq!(within(&lines, None), expected);
+        assert!(within(&lines, Some(80)).iter().all(|row| row.chars().count() < long.len() + 100));
     }
 
     #[test]
