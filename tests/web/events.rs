@@ -49,7 +49,13 @@ fn values_changes_records_and_the_clock_come_as_events() {
         seen.push(name);
     }
     emulator.step(&["--back", "500us"]);
-    assert_eq!(events.until("turned", |_| true)["time_us"], 500);
+    let turned = events.until("turned", |_| true);
+    let journal = server.get(&server.path("journal?from=0&max=100")).ok();
+    assert_eq!(
+        (&turned["time_us"], &turned["begin"]),
+        (&json!(500), &journal["journal"]["turn"]["begin"]),
+        "{journal}"
+    );
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn changed_us(round: &Round, reading: &RegisterReading) -> Option<u64> {
     // When the plant has gone back, the emulator also reports the differences as changes, although no program has
     // stored them.
     let is_stored = |change: &&Change| {
-        !(round.is_turned && change.what.how.by == By::Channel && change.time_us == round.time_us)
+        !(round.is_turned() && change.what.how.by == By::Channel && change.time_us == round.time_us)
     };
     let changes = round.last_changes.values().filter(|change| overlaps(&change.what, &reading.stretch));
     changes.filter(is_stored).map(|change| change.time_us).max()
@@ -78,8 +78,8 @@ impl Reader {
             return text;
         }
         self.add_lost(&mut text, round);
-        if round.is_turned {
-            add(&mut text, "turned", &json!({ "time_us": round.time_us }).to_string());
+        if let Some(begin) = round.turn_begin {
+            add(&mut text, "turned", &json!({ "time_us": round.time_us, "begin": begin }).to_string());
         }
         if self.wish.clock && self.clock != round.clock {
             self.clock.clone_from(&round.clock);
@@ -134,7 +134,7 @@ impl Reader {
             for (index, reading) in readings.iter().enumerate() {
                 let changed = if is_followed { None } else { changed_us(round, reading) };
                 // Without a change in this round, the time of the last change stays valid.
-                let last = before.get(index).and_then(|it| it.4).filter(|_| !round.is_turned);
+                let last = before.get(index).and_then(|it| it.4).filter(|_| !round.is_turned());
                 let now = shown(reading, changed.or(last));
                 match before.get_mut(index) {
                     Some(known) if *known == now => continue,

@@ -49,8 +49,9 @@ pub(super) struct Round {
     pub before: Counts,
     /// Number of changes and records that are lost because the emulator no longer had them.
     pub lost: Counts,
-    /// True if the plant has gone back in time.
-    pub is_turned: bool,
+    /// If the plant has gone back in time, the number of the first record of the new history. Records with this number or
+    /// a higher one that were read before are no longer part of the journal.
+    pub turn_begin: Option<u64>,
     /// The reason why this round is the last one, if it is.
     pub end: Option<String>,
 }
@@ -66,6 +67,16 @@ impl Round {
     /// Creates the last round.
     pub(super) fn end(reason: String) -> Self {
         Self { end: Some(reason), ..Self::default() }
+    }
+
+    /// True if the plant has gone back in time.
+    pub(super) fn is_turned(&self) -> bool {
+        self.turn_begin.is_some()
+    }
+
+    /// Notes that the plant has gone back in time. If it has gone back several times, the lowest number counts.
+    fn note_turn(&mut self, begin: u64) {
+        self.turn_begin = Some(self.turn_begin.map_or(begin, |known| known.min(begin)));
     }
 }
 
@@ -213,7 +224,9 @@ impl Poller {
         for _ in 0..PARTS {
             let op = Op::Changes { from: self.next_change, max: MAX_RECORDS };
             let (changes, end, turn) = self.connection.session.ask(op)?.turned_changes()?;
-            round.is_turned |= core::mem::replace(&mut self.turn, turn.number) != turn.number;
+            if core::mem::replace(&mut self.turn, turn.number) != turn.number {
+                round.note_turn(turn.begin);
+            }
             if let Some(first) = changes.first() {
                 round.lost.changes += first.seq.saturating_sub(self.next_change);
             }
@@ -242,9 +255,9 @@ impl Poller {
             let part = self.connection.session.ask(op)?.journal_part()?;
             if part.turn.number != self.turn {
                 self.turn = part.turn.number;
-                round.is_turned = true;
+                round.note_turn(part.turn.begin);
             }
-            if round.is_turned && self.next_record > part.turn.begin {
+            if round.is_turned() && self.next_record > part.turn.begin {
                 // The records of the new history follow the record where the histories diverge.
                 self.next_record = part.turn.begin;
                 if !part.is_last() || part.next() > part.turn.begin {
@@ -254,7 +267,7 @@ impl Poller {
             if let Some(first) = part.records.first() {
                 let lost = first.seq.saturating_sub(self.next_record);
                 round.lost.records += lost;
-                if lost > 0 || round.is_turned {
+                if lost > 0 || round.is_turned() {
                     self.lines.forget_states();
                 }
             }
