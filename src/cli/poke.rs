@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
 use super::writes::RegisterWrite;
-use crate::request::{MAX_OPS, Op, Reply};
+use crate::request::{MAX_OPS, Op, Reply, WrongReply};
 
 /// Write registers.
 ///
@@ -16,6 +16,7 @@ use crate::request::{MAX_OPS, Op, Reply};
 /// names that `commram map REG` shows (restart, start-synchronous). A register that only the firmware writes can be
 /// written too, as in the real RAM. A note says so: the firmware does not read it, and the value remains until the
 /// firmware next writes the register. A single bit is written with its register: the other bits keep their values.
+/// A forced register keeps its value, and a note says so.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -71,13 +72,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());
+    ops.push(Op::Forces);
     // A request has a maximum number of operations. If there are very many writes, some of the reads follow in further
     // requests.
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
-    if !rest.is_empty() {
-        replies.extend(session.request(rest)?);
-    }
+    replies.extend(session.request_in_parts(rest)?);
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
     let mut replies = replies.into_iter();
     for (store, reply) in stores.iter().zip(replies.by_ref()) {
@@ -86,6 +86,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     for ((place, _), status) in writes.iter().zip(statuses) {
         let status = status.and_then(|_| replies.next()).map(Reply::value).transpose()?;
         note_if_firmwares(place, status);
+    }
+    let forces = replies.next().ok_or(WrongReply)?.forces()?;
+    for ((place, _), store) in writes.iter().zip(&stores) {
+        if forces.iter().any(|forced| store.is_to(forced)) {
+            let name = place.label(place.last_phase());
+            super::output::note(&format!(
+                "{name} is forced and keeps its value; `commram unforce` releases it"
+            ));
+        }
     }
     Ok(())
 }

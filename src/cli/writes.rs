@@ -5,6 +5,7 @@ use super::place::NamedLocation;
 use super::session::Session;
 use crate::identity::DeviceIndex;
 use crate::layout::{BitAccess, Width};
+use crate::plant::Forced;
 use crate::request::{Op, Reply};
 use std::collections::HashMap;
 
@@ -62,19 +63,33 @@ impl RegisterWrite {
         }
     }
 
+    /// True if the write concerns at least one byte of the forced register.
+    pub(crate) fn is_to(&self, forced: &Forced) -> bool {
+        self.plc == forced.plc
+            && forced.offset < self.offset + self.width.bytes()
+            && self.offset < forced.offset + forced.width.bytes()
+    }
+
     /// Returns the operation that forces the register to the value.
     pub(crate) fn force(&self) -> Op {
         let Self { plc, offset, width, value, .. } = *self;
         Op::Force { plc, offset, width, value }
     }
 
-    /// Repeats the store of a bit until no other program writes the register in between.
+    /// Repeats the store of a bit until no other program writes the register in between, or the register is forced.
     ///
     /// # Errors
     /// The emulator has ended, or refuses the request.
     pub(crate) fn complete(&self, session: &Session, mut reply: Reply) -> Result<(), CliError> {
-        let Self { plc, offset, width, bit: Some((access, state, _)), .. } = *self else { return Ok(()) };
+        let Self { plc, offset, width, bit: Some((access, state, mut before)), .. } = *self else {
+            return Ok(());
+        };
         while let Reply::Exchanged { ok: false, found: current } = reply {
+            // The register is forced (decision D-860).
+            if current == before {
+                break;
+            }
+            before = current;
             let new = access.set(current, state);
             let again = session.request(&[Op::CompareExchange { plc, offset, width, current, new }])?;
             let Some(next) = again.into_iter().next() else { break };

@@ -30,7 +30,8 @@ impl Plant {
     }
 
     /// Stores a value like [`Plant::store`], but writes `new` only if the memory contains `current`. The inner result
-    /// is the previous value: `Ok` if `new` was written, otherwise `Err`.
+    /// is the previous value: `Ok` if `new` was written, otherwise `Err`. If a forced register cannot take `new`, the
+    /// result is `Err` even if the memory contains `current` (decision D-860).
     ///
     /// # Errors
     /// Returns the errors of [`Plant::load`].
@@ -43,6 +44,11 @@ impl Plant {
         new: u32,
     ) -> Result<Result<u32, u32>, Unmapped> {
         self.keep_changes(By::Program);
+        if self.forces.refuse(plc, offset, width, new) {
+            // A program may have written the register since the last poll.
+            self.forces.apply(&self.devices);
+            return self.load(plc, offset, width).map(Err);
+        }
         let (widths, ram) = self.ram(plc, offset)?;
         let outcome = widths.compare_exchange(ram, offset, width, current, new)?;
         if outcome.is_ok() {

@@ -173,6 +173,18 @@ impl Forces {
         self.find(plc, offset).map(|at| self.list.remove(at)).is_ok()
     }
 
+    /// True if the bytes of a store contain a byte of a forced register that keeps another value (decision D-860).
+    pub(super) fn refuse(&self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> bool {
+        let byte = |value: u32, at: u32| value.to_le_bytes().get(at as usize).copied();
+        let keeps_other = |forced: &Forced| {
+            let begin = forced.offset.max(offset);
+            let end = (forced.offset + forced.width.bytes()).min(offset + width.bytes());
+            forced.plc == plc
+                && (begin..end).any(|at| byte(forced.value, at - forced.offset) != byte(value, at - offset))
+        };
+        self.list.iter().any(keeps_other)
+    }
+
     /// Writes all forced values into the RAM. Returns true if a register had another value.
     #[inline]
     pub(super) fn apply(&self, devices: &[Box<dyn Device>]) -> bool {

@@ -24,7 +24,7 @@ macro_rules! ops {
                 /// Width of the register.
                 width: Width => width,
             },
-            /// Writes a register.
+            /// Writes a register. A forced register keeps its value.
             Poke = 2, poke, Stores -> Written {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
@@ -35,7 +35,7 @@ macro_rules! ops {
                 /// The value; must fit the width.
                 value: u32 => value,
             },
-            /// Writes `new` if the register holds `current`.
+            /// Writes `new` if the register holds `current`, and if it is not forced to another value.
             CompareExchange = 3, compare_exchange, Stores -> Exchanged {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,

@@ -445,9 +445,23 @@ fn single_bits_are_written_and_forced() {
 }
 
 #[test]
+fn a_poke_of_a_forced_register_says_that_it_keeps_its_value() {
+    let emulator = Emulator::stepped();
+    emulator.run("force", &["node2.w_CPU_CONTROL=0"]).ok();
+    for write in ["node2.w_CPU_CONTROL=1", "node2.w_CPU_CONTROL.3=1", "%MB3.200001=1"] {
+        let poked = emulator.run("poke", &[write, "node2.b_BT_0=1"]);
+        assert_eq!(poked.code, Some(0), "{}", poked.err);
+        let notes: Vec<_> = poked.err.lines().filter(|line| line.contains("is forced and keeps")).collect();
+        assert_eq!(notes.len(), 1, "{write}: {}", poked.err);
+        assert_eq!(emulator.peek(&["node2.w_CPU_CONTROL"]), "16#0000");
+    }
+}
+
+#[test]
 fn pokes_beyond_the_message_size_are_refused() {
     let emulator = Emulator::stepped();
-    let writes = vec!["%MB3.1000000=1"; 257];
+    emulator.run("poke", &["node2.a_WR_VALUE[0]=1"; 256]).ok();
+    let writes = ["%MB3.1000000=1"; 257];
     assert!(emulator.run("poke", &writes).fails(2).contains("at most 256"));
     assert_eq!(emulator.peek(&["%MB3.1000000"]), "16#00");
 }

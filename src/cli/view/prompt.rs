@@ -2,6 +2,7 @@
 
 use super::model::Model;
 use super::pins::Pins;
+use super::poll::MemoryLocation;
 use super::work::{Task, Work};
 use crate::identity::DeviceIndex;
 use crate::layout::{Condition, ConditionError, NamedLocation, split_plc, value};
@@ -112,6 +113,9 @@ impl Model {
                 let (shown, meaning) =
                     (place.format(place.last_phase(), value), place.meaning(place.last_phase(), value));
                 let description = format!("{what} {name} = {shown}");
+                let is_kept = what == "poke" && self.is_forced(MemoryLocation { plc, offset, width });
+                let description =
+                    if is_kept { description + ", which is forced and keeps its value" } else { description };
                 let question = format!("{description}, {meaning}");
                 let work = match place.bit_access() {
                     None => Work::Ops(vec![op]),

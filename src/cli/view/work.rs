@@ -109,6 +109,9 @@ impl Task {
         };
         Ok(match source.request(&[op], RequestKind::Task)?.pop() {
             Some(Reply::Error(refused)) => Outcome::Refused(refused.to_string()),
+            Some(Reply::Exchanged { ok: false, found }) if found == current => {
+                Outcome::Refused(format!("{}: the register is forced and keeps its value", self.description))
+            }
             Some(Reply::Exchanged { ok: false, .. }) => Outcome::More(self),
             _ => Outcome::Done(self.description),
         })

@@ -198,6 +198,38 @@ fn compare_exchange_returns_the_previous_value() {
     );
 }
 
+/// A forced register keeps its value, so an exchange for another value has not written it.
+#[test]
+fn an_exchange_does_not_claim_to_have_written_a_forced_register() {
+    let (plc, width) = (DeviceIndex(0), Width::Word);
+    let exchange = |offset, width, current, new| Op::CompareExchange { plc, offset, width, current, new };
+    let replies = TestHost::new(true).request(&[
+        Op::Force { plc, offset: REG, width, value: 0x0207 },
+        exchange(REG, width, 0x0207, 5),
+        exchange(REG, width, 0x0207, 0x0207),
+        exchange(REG + 1, Width::Byte, 2, 3),
+        exchange(REG, Width::Dword, 0x0207, 0x0001_0208),
+        exchange(REG, Width::Dword, 0x0207, 0x0001_0207),
+        peek(REG, Width::Dword),
+        Op::Unforce { plc, offset: REG, width },
+        exchange(REG, width, 0x0207, 5),
+    ]);
+    assert_eq!(
+        replies,
+        [
+            Reply::Written,
+            Reply::Exchanged { ok: false, found: 0x0207 },
+            Reply::Exchanged { ok: true, found: 0x0207 },
+            Reply::Exchanged { ok: false, found: 2 },
+            Reply::Exchanged { ok: false, found: 0x0207 },
+            Reply::Exchanged { ok: true, found: 0x0207 },
+            Reply::Value(0x0001_0207),
+            Reply::Written,
+            Reply::Exchanged { ok: true, found: 0x0207 },
+        ]
+    );
+}
+
 #[test]
 fn memory_errors_name_the_address_and_a_correct_one() {
     let mut host = TestHost::new(true);

@@ -49,7 +49,7 @@ impl Bench {
     }
 
     /// Writes a single bit. The other bits of the register keep their values, even if other programs write them at the
-    /// same time.
+    /// same time. A forced register keeps its value.
     pub(super) fn store_bit(
         &mut self,
         plc: DeviceIndex,
@@ -62,6 +62,8 @@ impl Bench {
             let new = bit.set(current, state);
             match self.ask(Op::CompareExchange { plc, offset, width, current, new })?.exchanged()? {
                 Ok(_) => return Ok(()),
+                // The register is forced (decision D-860).
+                Err(found) if found == current => return Ok(()),
                 Err(found) => current = found,
             }
         }

@@ -118,6 +118,9 @@ fn a_forced_register_keeps_its_value_until_it_is_unforced() -> Result<(), Scenar
     bench.poke("node2.w_CPU_CONTROL", 1)?;
     bench.step("2ms")?;
     bench.expect("node2.w_OPTION_STATUS", 1)?;
+    assert!(!bench.compare_exchange("node2.w_CPU_CONTROL", 0, 1)?);
+    bench.poke("%MX3.200000.1", true)?;
+    bench.expect("node2.w_CPU_CONTROL", 0)?;
     bench.unforce("node2.w_CPU_CONTROL")?;
     bench.poke("node2.w_CPU_CONTROL", 1)?;
     bench.wait("node2.w_OPTION_STATUS", 2, "1ms")?;

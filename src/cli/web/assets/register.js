@@ -75,7 +75,7 @@ class RegisterView {
       try {
         const value = parseValue(input.value, entry.type, entry.values);
         const verb = operation === "poke" ? "poke" : "force";
-        await act(operation, { ...(await placeOf(item.key)), value }, `${verb} ${item.name} = ${hex(value, entry.type)}`, `${item.name}: ${operation === "poke" ? "written" : "forced"}`, item.key);
+        await act(operation, { ...(await placeOf(item.key)), value }, `${verb} ${item.name} = ${hex(value, entry.type)}`, `${item.name}: ${operation === "force" ? "forced" : this.value?.forced ? "written, but the register is forced and keeps its value" : "written"}`, item.key);
       } catch (error) {
         showError(error);
       }
@@ -176,6 +176,7 @@ class RegisterView {
           clearError();
           return addToRecord({ operation: "poke", fields: { ...place, value }, register: item.key, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
         }
+        if (exchanged.found === current) throw new Error(`${item.name} is forced and keeps its value`);
         current = exchanged.found;
       }
       throw new Error(`${item.name}: other programs change the register all the time`);
