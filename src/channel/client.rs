@@ -140,6 +140,17 @@ impl Client {
     /// # Errors
     /// Returns the errors of [`Client::request`].
     pub fn request_into(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
+        self.request_patiently(ops, replies, &|| false)
+    }
+
+    /// Sends a request like [`Client::request_into`]. After each time limit without a reply, waits once more if
+    /// `is_working` returns true.
+    fn request_patiently(
+        &self,
+        ops: &[Op],
+        replies: &mut Vec<Reply>,
+        is_working: &dyn Fn() -> bool,
+    ) -> Result<(), ClientError> {
         replies.clear();
         if ops.is_empty() {
             return Ok(());
@@ -147,7 +158,7 @@ impl Client {
         if ops.len() > MAX_OPS {
             return Err(ClientError::TooManyOperations { count: ops.len() });
         }
-        self.exchange(ops, replies)?;
+        self.exchange(ops, replies, is_working)?;
         let failed = matches!(replies.last(), Some(Reply::Error(_)));
         match replies.len().cmp(&ops.len()) {
             std::cmp::Ordering::Less if failed => replies.resize(ops.len(), Reply::NotExecuted),
@@ -157,7 +168,12 @@ impl Client {
         Ok(())
     }
 
-    fn exchange(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
+    fn exchange(
+        &self,
+        ops: &[Op],
+        replies: &mut Vec<Reply>,
+        is_working: &dyn Fn() -> bool,
+    ) -> Result<(), ClientError> {
         let send_error = |reason: String| ClientError::Send { instance: self.instance.clone(), reason };
         let request = self.port.loan_slice_uninit(ops.len()).map_err(|e| send_error(format!("{e:?}")))?;
         let request = request.write_from_fn(|i| ops.get(i).map(WireOp::from).unwrap_or_default());
@@ -168,7 +184,7 @@ impl Client {
         self.bells.ring_doorbell();
         let waits = ops.iter().map(Op::waits_us).sum();
         let limit = self.patience.reply.saturating_add(Duration::from_micros(waits));
-        self.await_reply(&pending, limit, replies)
+        self.await_reply(&pending, limit, replies, is_working)
     }
 
     fn await_reply(
@@ -176,6 +192,7 @@ impl Client {
         pending: &Pending,
         limit: Duration,
         replies: &mut Vec<Reply>,
+        is_working: &dyn Fn() -> bool,
     ) -> Result<(), ClientError> {
         // The clock is read only if the reply does not arrive immediately.
         let (mut start, mut withdrawn) = (None, false);
@@ -200,7 +217,12 @@ impl Client {
                 return Err(self.late(elapsed));
             }
             let Some(rest) = limit.checked_sub(elapsed).filter(|rest| !rest.is_zero()) else {
-                return Err(self.late(limit));
+                if is_working() {
+                    start = None;
+                    continue;
+                }
+                // The emulator may have answered during the call.
+                return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.late(limit)) };
             };
             self.bells.wait_reply(seen, rest.min(ALIVE_CHECK));
             if self.bells.reply_count() != seen {
@@ -288,6 +310,21 @@ impl Client {
     /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
     pub(crate) fn set_patience(&mut self, reply: Duration) {
         self.patience.reply = reply;
+    }
+
+    /// Sends a request like [`Client::request`]. After each time limit without a reply, waits once more if `is_working`
+    /// returns true.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Client::request`].
+    pub(crate) fn request_while(
+        &self,
+        ops: &[Op],
+        is_working: &dyn Fn() -> bool,
+    ) -> Result<Vec<Reply>, ClientError> {
+        let mut replies = Vec::with_capacity(ops.len());
+        self.request_patiently(ops, &mut replies, is_working)?;
+        Ok(replies)
     }
 
     /// From now on, a request is withdrawn when `cancel` becomes true. The request then fails as if its time limit was

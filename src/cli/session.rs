@@ -3,7 +3,7 @@
 
 mod by_channel;
 
-pub(crate) use by_channel::continues;
+pub(crate) use by_channel::{continues, send};
 
 use super::Instance;
 use super::error::CliError;

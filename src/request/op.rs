@@ -136,6 +136,13 @@ impl Op {
         }
     }
 
+    /// True if the operation returns to an earlier moment. The emulator may compute a long time again for it, and answers no
+    /// other request during this.
+    #[cfg(feature = "cli")]
+    pub(crate) fn travels(&self) -> bool {
+        self.class() == Class::Travels
+    }
+
     /// Maximum emulated time by which this operation advances the clock, in microseconds, if it is known.
     #[cfg(feature = "cli")]
     pub(crate) fn advances_us(&self) -> u64 {

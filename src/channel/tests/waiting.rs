@@ -6,6 +6,8 @@ use crate::layout::{Compare, Test};
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{Code, MAX_ADVANCE_US, Op, Reply, Waited};
+#[cfg(feature = "cli")]
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -103,6 +105,29 @@ fn a_client_that_gives_up_is_forgotten_and_may_ask_again() {
         assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
     });
     assert_eq!((most, left), (1, 0));
+}
+
+/// The time limit counts again as long as the emulator works on the request.
+#[cfg(feature = "cli")]
+#[test]
+fn a_client_waits_as_long_as_the_emulator_works() {
+    let (_, left) = with_frozen_server(|place| {
+        let patience = Patience { connect: LONG, reply: Duration::from_millis(20), ..Patience::default() };
+        let client = place.connect(patience).unwrap();
+        let asked = Cell::new(0);
+        let is_working = || {
+            asked.set(asked.get() + 1);
+            if asked.get() == 3 {
+                place.client().poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+            }
+            asked.get() <= 3
+        };
+        let replies = client.request_while(&[wait(REG, 1, 1_000)], &is_working).unwrap();
+        assert!(matches!(replies[..], [Reply::Waited(_)]) && asked.get() >= 3, "{replies:?}");
+        let late = client.request_while(&[wait(REG, 2, 1_000)], &|| false).unwrap_err();
+        assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
+    });
+    assert_eq!(left, 0);
 }
 
 #[test]

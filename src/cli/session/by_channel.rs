@@ -144,7 +144,8 @@ impl Session {
             return Err(no_channel(&self.instance));
         };
         let plc = self.plcs.first().map_or("", String::as_str);
-        let replies = progress::shown(&self.instance, plc, advance(ops), || client.request(ops));
+        let replies =
+            progress::shown(&self.instance, plc, advance(ops), || send(client, &self.instance, ops));
         replies.map_err(|error| self.explain(error, client, ops))
     }
 
@@ -324,6 +325,23 @@ fn without_channel(instance: &str) -> Option<CliError> {
         .iter()
         .any(is_ready)
         .then(|| CliError::NoChannel { instance: instance.to_owned(), pid: alive(&images) })
+}
+
+/// Sends the operations as one request. While the emulator returns to an earlier moment, waits for the reply without a
+/// limit.
+///
+/// # Errors
+/// The emulator did not reply to the request.
+pub(crate) fn send(client: &Client, instance: &str, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
+    let travels = ops.iter().any(Op::travels);
+    client.request_while(ops, &|| travels && answers_nobody(instance))
+}
+
+/// True if the emulator runs, but does not answer. An emulator that executes the request of another client answers requests
+/// that only read; an emulator that returns to an earlier moment does not.
+fn answers_nobody(instance: &str) -> bool {
+    let asked = Session::open(&Instance::running(instance), 0).and_then(|session| session.info());
+    matches!(asked, Err(CliError::Client(ClientError::Timeout { .. })))
 }
 
 /// Longest wait for a reply to a request that can take `waits_us` of emulated time.

@@ -3,7 +3,7 @@
 use crate::channel::{Client, ClientError};
 use crate::cli::error::CliError;
 use crate::cli::instance::Instance;
-use crate::cli::session::Session;
+use crate::cli::session::{Session, send};
 use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::memory::{AttachMode, Attached, Header};
@@ -51,6 +51,7 @@ pub(super) trait Source {
 /// A running instance that the view shows.
 pub(super) struct RunningInstance {
     client: Client,
+    instance: String,
     images: Vec<Attached>,
 }
 
@@ -65,7 +66,7 @@ impl RunningInstance {
         let client = session.into_client()?;
         let attach = |plc: &String| devices::attach(instance.name(), plc, AttachMode::ReadOnly);
         let images = plcs.iter().map(|plc| Ok(attach(plc)?.0)).collect::<Result<Vec<_>, CliError>>()?;
-        Ok(Self { client, images })
+        Ok(Self { client, instance: instance.name().to_owned(), images })
     }
 }
 
@@ -75,7 +76,7 @@ impl Source for RunningInstance {
             RequestKind::Poll => LOOK,
             RequestKind::Task => WORK,
         });
-        let replies = self.client.request(ops).map_err(|error| match error {
+        let replies = send(&self.client, &self.instance, ops).map_err(|error| match error {
             ClientError::Timeout { .. } => RequestError::Busy,
             gone => RequestError::Gone(gone.to_string()),
         })?;
