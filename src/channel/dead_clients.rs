@@ -1,7 +1,7 @@
 //! Finds clients that have died.
 //!
 //! A killed client cannot withdraw its request, so the request looks as if the client still waited. It also leaves its
-//! snapshots. iceoryx2 can detect the dead node of the client. This query needs system calls, and in a damaged channel
+//! snapshots, and its files and shared memory objects. iceoryx2 can detect the dead node of the client. This query needs system calls, and in a damaged channel
 //! it may never return, so a separate thread runs it at intervals.
 
 use super::domain::Domain;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// Real time between two searches for dead clients, while requests wait.
 pub(super) const INTERVAL: Duration = Duration::from_millis(200);
-/// The same while no request waits, and a dead client could only have left snapshots or files.
+/// The same while no request waits, and a dead client could only have left objects, snapshots or files.
 pub(super) const LONG_INTERVAL: Duration = Duration::from_secs(2);
 
 /// Queries iceoryx2 for dead clients.
@@ -20,11 +20,14 @@ pub(super) struct DeadClients {
     last: Option<Instant>,
     /// Receiver of the next result.
     asked: Option<Receiver<Vec<UniqueNodeId>>>,
+    /// The last result. The caller has dropped the requests of these nodes, so the next query removes their objects.
+    known: Vec<UniqueNodeId>,
 }
 
 impl DeadClients {
     /// Returns the nodes that the last query has found dead; `None` if there is no new result. Such a call takes almost
-    /// no time. A new query begins `interval` after the last one.
+    /// no time. A new query begins `interval` after the last one. It removes the objects of the nodes that the last call
+    /// with a result has returned.
     pub(crate) fn look(&mut self, domain: &Domain, interval: Duration) -> Option<Vec<UniqueNodeId>> {
         if let Some(answer) = &self.asked {
             return match answer.try_recv() {
@@ -32,6 +35,7 @@ impl DeadClients {
                 Err(TryRecvError::Empty) => None,
                 answer => {
                     self.asked = None;
+                    self.known = answer.clone().unwrap_or_default();
                     answer.ok()
                 }
             };
@@ -40,10 +44,14 @@ impl DeadClients {
         if last.elapsed() >= interval {
             self.last = Some(Instant::now());
             let (send, receive) = mpsc::channel();
-            let domain = domain.clone();
+            let (domain, known) = (domain.clone(), core::mem::take(&mut self.known));
+            let query = move || {
+                domain.remove_objects_of(&known);
+                send.send(domain.dead_nodes())
+            };
             let thread = std::thread::Builder::new().name("channel".to_owned());
             // If the thread cannot be started, the next call tries again.
-            self.asked = thread.spawn(move || send.send(domain.dead_nodes())).ok().map(|_| receive);
+            self.asked = thread.spawn(query).ok().map(|_| receive);
         }
         None
     }

@@ -288,6 +288,23 @@ impl Domain {
         dead
     }
 
+    /// Removes the files and shared memory objects of dead nodes. May never return if another program has damaged the
+    /// channel.
+    pub(crate) fn remove_objects_of(&self, dead: &[UniqueNodeId]) {
+        if dead.is_empty() {
+            return;
+        }
+        // Errors are ignored: another process may remove the objects at the same time.
+        let _ = Node::<Ipc>::list(&self.config, |node| {
+            if let NodeState::Dead(node) = node
+                && dead.contains(node.id())
+            {
+                let _ = node.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        });
+    }
+
     /// Removes all files of earlier runs, unless a living process still uses the domain.
     pub(crate) fn sweep_if_unused(&self) {
         if !self.in_use() {

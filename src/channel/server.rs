@@ -157,11 +157,12 @@ impl Server {
         answered + self.receive(host)
     }
 
-    /// Drops requests of clients that have given up or died, and everything that departed clients have left in the host.
+    /// Drops requests of clients that have given up or died, and everything that departed clients have left in the host and
+    /// in the channel.
     fn forget_departed_clients(&mut self, host: &mut dyn Host) {
         let (plant, travel) = host.plant_and_travel();
         let has_belongings = travel.belongs_to_clients() || plant.journal().belongs_to_clients();
-        if self.waiting.is_empty() && !has_belongings {
+        if self.waiting.is_empty() && !has_belongings && !self.has_clients() {
             return;
         }
         let interval = if self.waiting.is_empty() { LONG_INTERVAL } else { INTERVAL };
@@ -202,6 +203,11 @@ impl Server {
             let dead = limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()).unwrap_or_default();
             self.release_belongings(host, &dead);
         }
+    }
+
+    /// True if a client is connected, or was killed and its objects still exist.
+    fn has_clients(&self) -> bool {
+        self.service.as_ref().is_some_and(|service| service.dynamic_config().number_of_clients() > 0)
     }
 
     /// Returns the numbers of the connected clients on nodes for which `is_wanted` is true.

@@ -199,6 +199,25 @@ fn killed_clients_do_not_use_up_the_places() {
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
 
+/// The server removes the objects of killed clients, even if no request comes.
+#[test]
+fn objects_of_killed_clients_are_removed() {
+    let place = Arc::new(InstanceFiles::new());
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    client.peek(DeviceIndex(0), REG, Width::Dword).unwrap();
+    let alone = place.remains().len();
+    let children: [_; 3] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));
+    until("the children hammer", || client.peek(DeviceIndex(0), REG, Width::Dword).unwrap() > 20);
+    children.into_iter().for_each(Process::kill);
+    assert!(place.remains().len() > alone, "the objects of killed clients remain at first");
+    until("the objects are removed", || place.remains().len() <= alone);
+    client.poke(DeviceIndex(0), REG, Width::Dword, 1).unwrap();
+    drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
 /// A client may be killed between creating a part of the channel and setting its size.
 #[test]
 fn remains_of_a_client_killed_while_it_entered_block_no_other() {
