@@ -59,7 +59,7 @@ pub(super) struct Judge<'a> {
 impl Judge<'_> {
     /// Returns all errors, in no particular order.
     pub(super) fn mistakes(&mut self, document: &Document) -> Vec<Mistake> {
-        let mut found: Vec<_> = self.misreading(document).into_iter().collect();
+        let mut found = self.misreadings(document);
         if self.view.kind != ScriptKind::Firmware {
             let refusal = self.refusal.take();
             found.extend(refusal.map(|what| Mistake::error(self.plant_range(document), what)));
@@ -77,6 +77,21 @@ impl Judge<'_> {
         }
         found.truncate(MOST);
         found
+    }
+
+    /// Returns the error of the parser. If a `${` is not closed, the parser reports the error at a later place, so the
+    /// result is the place of the `${`.
+    fn misreadings(&self, document: &Document) -> Vec<Mistake> {
+        let Some(misreading) = self.misreading(document) else { return Vec::new() };
+        let unclosed = &self.view.outline.tokens.unclosed;
+        let is_earlier = unclosed.first().is_none_or(|code| misreading.range.end <= code.start);
+        let missing = |code: &Range<usize>| {
+            Mistake::error(
+                code.start..code.start + 2,
+                "the code in this text does not end; write `}` after it",
+            )
+        };
+        is_earlier.then_some(misreading).into_iter().chain(unclosed.iter().map(missing)).collect()
     }
 
     /// Returns the error of the parser.

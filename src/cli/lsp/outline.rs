@@ -65,7 +65,7 @@ impl Outline {
         let functions = functions(text, all);
         let mut variables = variables(text, all);
         variables.extend(functions.iter().flat_map(|function| function.parameters.iter().cloned()));
-        let (calls, imports) = (calls(text, all), imports(text, all));
+        let (calls, imports) = (calls(text, all, &tokens.unclosed), imports(text, all));
         Outline { calls, functions, imports, variables, tokens }
     }
 
@@ -111,12 +111,19 @@ struct Open {
     is_body: bool,
 }
 
-fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
+/// Returns the calls. `unclosed` are the ranges of the code that ends with its line because its `${` is not closed.
+fn calls(text: &str, tokens: &[Token], unclosed: &[Range<usize>]) -> Vec<Call> {
     let mut calls: Vec<Call> = Vec::new();
+    let mut unclosed = unclosed.iter().peekable();
     let mut open: Vec<Open> = Vec::new();
     // True if the next brace begins the body of a function.
     let mut body = false;
     for (index, token) in tokens.iter().enumerate() {
+        if unclosed.next_if(|code| code.end <= token.range.start).is_some() {
+            while open.iter().any(|open| open.sign == CODE) {
+                close(&mut calls, &mut open, CODE, index, token, false);
+            }
+        }
         if token.kind == TokenKind::Word && token.text(text) == "fn" {
             body = true;
         }

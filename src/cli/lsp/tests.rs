@@ -396,8 +396,22 @@ fn code_in_texts_is_found_and_renamed() {
     );
     assert_error("print(`v ${nofunc(1)} no(1) ${`no(2)`}`);", "0:11 there is no verb or function `nofunc`");
     assert_error("print(`v ${peek(\"node2.nix\")}`);", "0:17 area `node2` has no register `nix`");
+    let open = "nofunc(1);\nprint(`a ${ b`);\nnofunc(2);\nfn f() { nofunc(3); }\nprint(`c ${1}`);\n";
+    let unknown = |line, column| format!("{line}:{column} there is no verb or function `nofunc`");
+    let mut found = errors(open);
+    found.sort();
+    assert_eq!(found.len(), 4, "{found:?}");
+    for (found, expected) in found.iter().zip([
+        unknown(0, 0),
+        "1:9 the code in this text does not end".to_owned(),
+        unknown(2, 0),
+        unknown(3, 9),
+    ]) {
+        assert!(found.starts_with(&expected), "{found}, not {expected}");
+    }
     for (text, expected) in [
         ("print(`${pe¦}`)", Some("peek")),
+        ("peek(`a ${ b`);\npe¦", Some("peek")),
         ("print(`a ${¦", Some("peek")),
         ("print(`${peek(\"¦\")}`)", Some("node2.w_OPTION_STATUS")),
         ("print(`${1} pe¦`)", None),

@@ -30,11 +30,17 @@ pub(super) enum TokenKind {
     Sign,
 }
 
+/// Maximum number of open `${` after which the script is split again: each of them costs another pass.
+const MOST_OPEN: usize = 8;
+
 /// The tokens and the comments of a script.
 #[derive(Default)]
 pub(super) struct Tokens {
     pub(super) all: Vec<Token>,
     pub(super) comments: Vec<Range<usize>>,
+    /// For each `${` that is not closed, the range from it to the end of its line. The script is read as if the text with
+    /// this `${` ended there.
+    pub(super) unclosed: Vec<Range<usize>>,
 }
 
 impl Tokens {
@@ -43,9 +49,17 @@ impl Tokens {
         let mut tokens = Tokens::default();
         // The first line may be an interpreter line, `#!`.
         let mut at = if text.starts_with("#!") { line_end(text, 0) } else { 0 };
-        // For each `${` that is open, the number of open braces in its code.
-        let mut open: Vec<usize> = Vec::new();
-        while let Some(letter) = text[at..].chars().next() {
+        // For each `${` that is open, the number of open braces in its code, and the end of the `${`.
+        let mut open: Vec<(usize, usize)> = Vec::new();
+        loop {
+            let Some(letter) = text[at..].chars().next() else {
+                match open.first() {
+                    Some((_, end)) if tokens.unclosed.len() < MOST_OPEN => at = tokens.cut(text, end - 2),
+                    _ => break,
+                }
+                open.clear();
+                continue;
+            };
             let rest = &text[at..];
             let (kind, end) = match letter {
                 _ if letter.is_whitespace() => {
@@ -66,16 +80,15 @@ impl Tokens {
                 '"' => (TokenKind::Text, text_end(text, at)),
                 '`' => match template_end(text, at + 1) {
                     (end, true) => {
-                        open.push(0);
+                        open.push((0, end));
                         (TokenKind::Piece, end)
                     }
                     (end, false) => (TokenKind::Template, end),
                 },
-                '}' if open.last() == Some(&0) => {
+                '}' if open.last().is_some_and(|(braces, _)| *braces == 0) => {
                     let (end, is_open) = template_end(text, at + 1);
-                    if !is_open {
-                        open.pop();
-                    }
+                    open.pop();
+                    open.extend(is_open.then_some((0, end)));
                     (TokenKind::Piece, end)
                 }
                 '\'' => {
@@ -88,7 +101,7 @@ impl Tokens {
                 '_' | 'a'..='z' | 'A'..='Z' => (TokenKind::Word, at + word_length(rest)),
                 ':' if rest.starts_with("::") => (TokenKind::Path, at + 2),
                 _ => {
-                    if let Some(braces) = open.last_mut() {
+                    if let Some((braces, _)) = open.last_mut() {
                         *braces += usize::from(letter == '{');
                         *braces -= usize::from(letter == '}');
                     }
@@ -99,6 +112,20 @@ impl Tokens {
             at = end;
         }
         tokens
+    }
+
+    /// Ends the text with an open `${` at `begin` at the end of its line, and removes what was read after it. Returns the
+    /// end of the line.
+    fn cut(&mut self, text: &str, begin: usize) -> usize {
+        let end = line_end(text, begin);
+        self.all.truncate(self.all.partition_point(|token| token.range.start < end));
+        self.comments.truncate(self.comments.partition_point(|comment| comment.start < end));
+        let last = self.all.last_mut().map(|token| &mut token.range);
+        for range in last.into_iter().chain(self.comments.last_mut()) {
+            range.end = range.end.min(end);
+        }
+        self.unclosed.push(begin..end);
+        end
     }
 
     /// True if a position is inside a comment.
@@ -269,6 +296,18 @@ mod tests {
             ["`a ${", "if", "b", "{", "`c } ${", "d", "}`", "}", "} ${", "e", "}{`", "f", "}"]
         );
         assert_eq!(words("`a ${ `f(9)` } b` `${}`"), ["`a ${", "`f(9)`", "} b`", "`${", "}`"]);
+    }
+
+    #[test]
+    fn an_open_code_ends_with_its_line() {
+        let text = "f(`a ${ b`);\ng(`c ${d}`);\n`${ { /* e\n`${h}` `${1} ${\ni";
+        let tokens = Tokens::of(text);
+        let shown: Vec<_> = tokens.all.iter().map(|token| token.text(text)).collect();
+        let first = ["f", "(", "`a ${", "b", "`);", "g", "(", "`c ${", "d", "}`", ")", ";"];
+        assert_eq!(shown[..12], first);
+        assert_eq!(shown[12..], ["`${", "{", "`${", "h", "}`", "`${", "1", "} ${", "i"]);
+        let unclosed: Vec<_> = tokens.unclosed.iter().map(|it| &text[it.clone()]).collect();
+        assert_eq!(unclosed, ["${ b`);", "${ { /* e", "${"]);
     }
 
     #[test]
