@@ -307,6 +307,10 @@ fn paths_lead_nowhere_else() {
         let answer = server.raw(bytes);
         assert!(matches!(answer.status, 0 | 400 | 505), "{answer:?}");
     }
+    // HTTP/2 begins with a request that no version of HTTP/1 has, and with a frame of settings.
+    let http2 = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0";
+    assert_eq!(server.raw(http2).status, 400);
+    assert_eq!(server.raw(&http2[..24]).status, 400);
     let headers: String = (0..1000).map(|number| format!("x-{number}: y\r\n")).collect();
     let answer = server.raw(format!("GET / HTTP/1.1\r\nhost: localhost\r\n{headers}\r\n").as_bytes());
     assert!(matches!(answer.status, 0 | 431), "{answer:?}");

@@ -25,6 +25,8 @@ const UNREAD_MS: u32 = 30_000;
 const SEND_BUFFER: usize = 256 << 10;
 /// Maximum size of the head of a request, in bytes.
 const MAX_HEAD: usize = 16 << 10;
+/// Response to a client that begins with HTTP/2.
+const NOT_HTTP_1: &[u8] = b"HTTP/1.1 400 Bad Request\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
 /// Maximum number of headers of a request.
 const MAX_HEADERS: usize = 64;
 /// Pause after an error of `accept`, which occurs when all file descriptors are in use.
@@ -81,8 +83,7 @@ async fn accept(listener: &TcpListener, router: &Router) {
     }
 }
 
-/// Sends a refusal on a connection for which there is no room. The request must be read before the answer is sent: if a
-/// connection with unread data is closed, the system discards the answer.
+/// Sends a refusal on a connection for which there is no room.
 async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
     let problem = Problem::too_many("all connections of this server are in use by clients with a token");
     let body = problem.text();
@@ -92,10 +93,16 @@ async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
         body.len()
     );
     let _ = tokio::time::timeout(REFUSAL_TIME, stream.readable()).await;
+    send_last(&stream, response.as_bytes());
+}
+
+/// Sends the only response on a connection. First reads what the client has sent: if a connection with unread data is
+/// closed, the system discards the response.
+fn send_last(stream: &TcpStream, response: &[u8]) {
     let _ = stream.try_read(&mut [0; MAX_HEAD]);
     // The buffer of a new connection is empty, so it takes the whole response.
-    let _ = stream.try_write(response.as_bytes());
-    let _ = rustix::net::shutdown(&stream, rustix::net::Shutdown::Write);
+    let _ = stream.try_write(response);
+    let _ = rustix::net::shutdown(stream, rustix::net::Shutdown::Write);
 }
 
 /// Serves a connection until the client or the server closes it.
@@ -116,10 +123,14 @@ async fn converse(stream: TcpStream, connection: OpenConnection, router: Router)
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD)
         .max_headers(MAX_HEADERS);
-    let served = http.serve_connection(TokioIo::new(stream), service);
-    tokio::select! {
+    let mut served = http.serve_connection(TokioIo::new(stream), service);
+    let outcome = tokio::select! {
         // The client has closed the connection, or does not speak HTTP.
-        _ = served => {}
-        () = connection.peer.closed() => {}
+        outcome = &mut served => outcome,
+        () = connection.peer.closed() => return,
+    };
+    // For the begin of HTTP/2, and only for it, hyper closes the connection without a response.
+    if outcome.is_err_and(|error| error.is_parse_version_h2()) {
+        send_last(served.into_parts().io.inner(), NOT_HTTP_1);
     }
 }
