@@ -13,6 +13,7 @@ pub(super) use play::{Play, play};
 use super::super::error::CliError;
 use super::super::output;
 use super::super::session::{Session, number_of_bus};
+use crate::can::{Frame, wire};
 use crate::devices;
 use crate::door::TrafficKind;
 use crate::identity::BusIndex;
@@ -69,6 +70,11 @@ impl Buses {
         let carries_octets = matches!(traffic_kind, Some(TrafficKind::Telegrams | TrafficKind::Octets));
         carries_octets == matches!(message, Message::Telegram(_))
     }
+}
+
+/// Returns the time in microseconds from the begin of a frame to its end, at which the receivers have the frame.
+fn frame_us(frame: &Frame, bit_s: u64) -> u64 {
+    (u64::from(wire::bits_to_end_of_frame(frame)) * 1_000_000).div_ceil(bit_s)
 }
 
 /// Returns the time in microseconds that the octets of a telegram take at `bit_s`.

@@ -6,7 +6,7 @@ use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
 use super::message::Message;
 use super::select::Select;
-use super::{AddressedMessage, Buses, nothing, put_in_order, read, telegram_us};
+use super::{AddressedMessage, Buses, frame_us, nothing, put_in_order, read, telegram_us};
 use crate::channel::ClientError;
 use crate::plural::plural;
 use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Reply, read_journal};
@@ -101,15 +101,15 @@ fn note_earlier(earlier: &[usize], unit: &str, path: &Path) {
     });
 }
 
-/// Changes the time of each telegram from its end to its start, at which it is sent, and sorts the messages by these
+/// Changes the time of each message from its end to its start, at which it is sent, and sorts the messages by these
 /// times.
-fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
+fn begin_messages(log: &mut [AddressedMessage], buses: &Buses) {
     let duration = |it: &AddressedMessage| match &it.message {
-        Message::Frame(_) => 0,
+        Message::Frame(frame) => frame_us(frame, buses.bit_s(it.bus)),
         Message::Telegram(octets) => telegram_us(octets, buses.bit_s(it.bus)),
     };
-    // The first telegram of a log may end at time 0, but cannot start before 0. So all times are first shifted by the
-    // duration of the longest telegram.
+    // The first message of a log may end at time 0, but cannot start before 0. So all times are first shifted by the
+    // duration of the longest message.
     let longest = log.iter().map(duration).max().unwrap_or(0);
     for it in log.iter_mut() {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
@@ -126,7 +126,9 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let buses = Buses::of(&Session::open(&args.instance, 0)?)?;
     let mut log = log.aim(&args.select, args.bus.as_deref(), &buses)?;
     note_earlier(&put_in_order(&mut log), unit, &args.log);
-    begin_telegrams(&mut log, &buses);
+    let ends = || log.iter().map(|it| it.time_us);
+    let length_us = ends().max().zip(ends().min()).map_or(0, |(last, first)| last - first);
+    begin_messages(&mut log, &buses);
     check_gaps(&log, unit, &args.log)?;
     let Some(first) = log.first() else {
         if args.allow_empty {
@@ -135,7 +137,6 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
         return Err(nothing(&args.log, "it has no frame to play; --allow-empty accepts that"));
     };
     let start_us = first.time_us;
-    let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
     // The times of a log may be very large, so the time of the first frame is subtracted.
     log.iter_mut().for_each(|it| it.time_us = it.time_us.saturating_sub(start_us));
     let session = Session::open(&args.instance, length_us)?;
