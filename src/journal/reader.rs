@@ -108,7 +108,8 @@ impl Reader {
         self.place(register, plc, offset, width)
     }
 
-    /// Returns the register of this width at `offset` in phase `live`.
+    /// Returns the register of this width at `offset` in phase `live`. If the area does not use the register of this phase,
+    /// the bytes belong to a register of another phase, which has another width.
     pub(super) fn followed(
         &mut self,
         plc: DeviceIndex,
@@ -116,7 +117,16 @@ impl Reader {
         width: Width,
         live: RegisterPhase,
     ) -> RegisterLocation {
-        let register = self.valid_register(plc, offset, live);
+        let is_followed =
+            |register: &RegisterRef| register.offset() == offset && register.width() == width.bytes();
+        let register = self.valid_register(plc, offset, live).and_then(|register| {
+            if is_followed(&register) {
+                return Some(register);
+            }
+            let fitted = self.names.fitted(plc);
+            let all = fitted.registers_at(fitted.device().at(Width::Byte, offset), None).ok()?;
+            all.into_iter().find(is_followed)
+        });
         self.place(register, plc, offset, width.bytes() as u8)
     }
 

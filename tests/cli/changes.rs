@@ -245,6 +245,9 @@ fn a_part_of_a_recorded_register_has_its_changes() {
     emulator.poke(&[&format!("{name}=2")]);
     let lines = [watch.line(), watch.line()].concat();
     assert!(lines.contains("16#00 -> 16#01") && lines.contains("16#01 -> 16#02"), "{lines}");
+    // The record of the doubleword has its name, although its structure is not valid now.
+    let trace = emulator.run("trace", &[]).ok().to_owned();
+    assert!(trace.contains("a_WR_VALUE_RECEIVE[4] (%MD3.100048) 16#00000000 -> 16#00000100"), "{trace}");
     let directory = TempDir::new().unwrap();
     let picture = directory.path().join("a.svg");
     emulator.step(&["1ms"]);
