@@ -289,6 +289,11 @@ fn field_name(name: &str) -> String {
     if is_in_family || is_word(KEYWORDS) || is_word(MACROS) { format!("{name}_") } else { name.to_owned() }
 }
 
+/// True if the headers of the system use this name: as a word of C or C++, a macro, a function or a type.
+pub(crate) fn is_used_by_system(name: &str) -> bool {
+    field_name(name) != name || NAMES.lines().any(|declared| declared == name)
+}
+
 /// Returns the name of a type, a function or a macro, with `_` appended if the name has another meaning in C, in C++ or
 /// in the header itself.
 fn free_name(name: &str) -> String {

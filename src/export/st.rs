@@ -4,6 +4,7 @@
 //! matiec (the compiler of Beremiz and OpenPLC 3) and STruC++ (the compiler of OpenPLC 4) have other requirements, see
 //! [`StCompiler`].
 
+use super::c;
 use super::members::{self, Member};
 use super::names::UsedNames;
 use super::rows;
@@ -95,12 +96,13 @@ fn configuration(variables: &str) -> String {
 fn types(scope: &Scope, form: StForm) -> String {
     let structures = scope.structures();
     let mut arrays = Arrays { flat: form.is_matiec(), all: BTreeSet::new() };
+    let names = TypeNames::of(scope, form.compiler);
     let (mut small, mut large) = (String::new(), String::new());
     for group in members::groups(&structures) {
-        record(&mut small, &mut arrays, group.type_name(), &group.about(), &group.members());
+        record(&mut small, &mut arrays, &names, group.type_name(), &group.about(), &group.members());
     }
     for of in structures {
-        record(&mut large, &mut arrays, of.name, &text::about(of), &members::of(of));
+        record(&mut large, &mut arrays, &names, of.name, &text::about(of), &members::of(of));
     }
     let declare = |of_records: bool| -> String {
         let wanted = arrays.all.iter().filter(|array| array.of_records == of_records);
@@ -113,13 +115,11 @@ fn types(scope: &Scope, form: StForm) -> String {
 fn structures(scope: &Scope, form: StForm) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
-    let structures = scope.structures();
-    let groups = members::groups(&structures).into_iter().map(|group| group.type_name());
-    let types = structures.iter().map(|of| of.name).chain(groups).map(identifier);
-    let mut names = UsedNames::without_case(types);
+    let types = TypeNames::of(scope, form.compiler);
+    let mut names = UsedNames::without_case(types.names.values().cloned());
     for (area, placed) in scope.placed() {
-        let (variable, structure) =
-            (names.add(identifier(placed.variable)), identifier(placed.structure.name));
+        let variable = names.add(identifier(placed.variable, form.compiler));
+        let structure = types.name_of(placed.structure.name);
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
         let begin = area.begin();
         let address = if form.is_matiec() { spellings.next(begin, form.compiler) } else { begin };
@@ -161,7 +161,7 @@ fn elementary(scope: &Scope, compiler: StCompiler) -> String {
         let name = variable(&found);
         // Structures that overlay each other share some registers.
         if seen.insert((name.clone(), found.offset())) {
-            let name = names.add(identifier(&name));
+            let name = names.add(identifier(&name, compiler));
             let remark = text::remark(found.register);
             let address = spellings.next(found.address().to_string(), compiler);
             let _ = writeln!(out, "    {name} AT {address} : {}; (* {remark} *)", found.ty());
@@ -201,14 +201,67 @@ const KEYWORDS: &str = "action and any array at bool by byte case configuration 
     ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
     word wstring xor";
 
-/// Returns the name of a structure, its member or a variable. If the name is a word of the language in upper or lower
-/// case, or begins with a digit, it gets the prefix `r_`.
-fn identifier(name: &str) -> String {
-    let is_keyword = KEYWORDS.split_whitespace().any(|word| word.eq_ignore_ascii_case(name));
-    if is_keyword || name.starts_with(|first: char| first.is_ascii_digit()) {
-        format!("r_{name}")
+/// Macros of `<float.h>`, `<math.h>` and `<time.h>`, which the code of matiec includes in addition to the headers of the C
+/// export (glibc 2.36, gcc 12), except [`MATIEC_FAMILIES`].
+const MATIEC_MACROS: &str =
+    "CLOCKS_PER_SEC DECIMAL_DIG HUGE_VAL HUGE_VALF HUGE_VALL INFINITY NAN TIMER_ABSTIME TIME_UTC";
+
+/// Beginnings of macros of which these headers have many, and of the macros of commram.
+const MATIEC_FAMILIES: [&str; 8] = ["CLOCK_", "COMMRAM_", "DBL_", "FLT_", "FP_", "LDBL_", "MATH_", "M_"];
+
+/// Returns the name of a structure, its member or a variable. Consecutive `_`, and `_` at the end, are not allowed in it. If
+/// the name is a word of the language in upper or lower case, or begins with a digit, it gets the prefix `r_`. For matiec
+/// also if C uses the name in capitals: matiec writes all names in capitals.
+fn identifier(name: &str, compiler: StCompiler) -> String {
+    let words: Vec<_> = name.split('_').filter(|word| !word.is_empty()).collect();
+    let first = if name.starts_with('_') { "_" } else { "" };
+    let plain = format!("{first}{}", words.join("_"));
+    let has_case = |word: &str| word.eq_ignore_ascii_case(&plain);
+    let is_macro = || {
+        let name = plain.to_ascii_uppercase();
+        c::is_used_by_system(&name)
+            || MATIEC_MACROS.split_whitespace().any(has_case)
+            || MATIEC_FAMILIES.iter().any(|family| name.starts_with(family))
+    };
+    if KEYWORDS.split_whitespace().any(has_case)
+        || plain.starts_with(|first: char| first.is_ascii_digit())
+        || words.is_empty()
+        || compiler == StCompiler::Matiec && is_macro()
+    {
+        format!("r_{}", words.join("_")).trim_end_matches('_').to_owned()
     } else {
-        name.to_owned()
+        plain
+    }
+}
+
+/// The names of the types of structures and sub-structures. No two of them are equal.
+struct TypeNames {
+    compiler: StCompiler,
+    /// The names by the names of the manual.
+    names: BTreeMap<&'static str, String>,
+}
+
+impl TypeNames {
+    fn of(scope: &Scope, compiler: StCompiler) -> Self {
+        let structures = scope.structures();
+        let groups = members::groups(&structures).into_iter().map(|group| group.type_name());
+        let all: Vec<_> = groups.chain(structures.iter().map(|of| of.name)).collect();
+        // A name that is allowed stays as it is.
+        let is_allowed = |name: &str| identifier(name, compiler) == name;
+        let allowed = all.iter().filter(|name| is_allowed(name)).map(|name| (*name).to_owned());
+        let mut used = UsedNames::without_case(allowed);
+        let mut names = BTreeMap::new();
+        for name in all {
+            names.entry(name).or_insert_with(|| match identifier(name, compiler) {
+                same if same == name => same,
+                changed => used.add(changed),
+            });
+        }
+        TypeNames { compiler, names }
+    }
+
+    fn name_of(&self, name: &str) -> String {
+        self.names.get(name).cloned().unwrap_or_default()
     }
 }
 
@@ -281,9 +334,16 @@ impl Arrays {
     }
 }
 
-fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members: &[Member]) {
+fn record(
+    out: &mut String,
+    arrays: &mut Arrays,
+    types: &TypeNames,
+    name: &str,
+    doc: &str,
+    members: &[Member],
+) {
     let counts = |dims: &[Dim]| dims.iter().map(|dim| u32::from(dim.count)).collect::<Vec<_>>();
-    let name = identifier(name);
+    let name = types.name_of(name);
     let _ = writeln!(out, "TYPE\n    {name} : (* {doc} *)\n    STRUCT");
     let names = members.iter().filter_map(|member| match member {
         Member::Register(register) => Some(register.name),
@@ -291,7 +351,7 @@ fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members:
         Member::Padding { .. } => None,
     });
     let mut used = UsedNames::without_case(names.map(str::to_owned));
-    let mut own = |name: &str| match identifier(name) {
+    let mut own = |name: &str| match identifier(name, types.compiler) {
         same if same == name => same,
         changed => used.add(changed),
     };
@@ -311,7 +371,7 @@ fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members:
             }
             Member::Group(group) => {
                 let counts = counts(group.dims());
-                (own(group.member_name()), true, identifier(group.type_name()), counts, "", String::new())
+                (own(group.member_name()), true, types.name_of(group.type_name()), counts, "", String::new())
             }
             Member::Padding { offset, bytes } => {
                 let counts = if *bytes == 1 { vec![] } else { vec![*bytes] };
@@ -332,7 +392,15 @@ mod tests {
     /// Identifiers do not distinguish upper and lower case and have no `__`.
     #[test]
     fn words_of_the_language_get_a_prefix() {
-        assert_eq!(["AT", "type", "w_TYPE", "level"].map(identifier), ["r_AT", "r_type", "w_TYPE", "level"]);
+        let names = |names: [&str; 4], compiler| names.map(|name| identifier(name, compiler));
+        assert_eq!(
+            names(["AT", "type", "w_TYPE", "level"], StCompiler::Any),
+            ["r_AT", "r_type", "w_TYPE", "level"]
+        );
+        assert_eq!(names(["a__b", "_c_", "_type", "__"], StCompiler::Any), ["a_b", "_c", "_type", "r"]);
+        let macros = ["eof", "M_Pi", "int_max", "read"];
+        assert_eq!(names(macros, StCompiler::Any), macros);
+        assert_eq!(names(macros, StCompiler::Matiec), ["r_eof", "r_M_Pi", "r_int_max", "read"]);
     }
 
     #[test]

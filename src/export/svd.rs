@@ -7,6 +7,7 @@ use super::scope::Scope;
 use super::text;
 use super::xml::Xml;
 use crate::layout::{Area, AreaStructure, Dim, Meaning, Owner, Register, ValueMeaning};
+use std::collections::HashSet;
 
 pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
@@ -69,10 +70,12 @@ fn peripheral(xml: &mut Xml, area: &Area, placed: &AreaStructure, (name, alterna
         let doc = text::about(placed.structure);
         place(xml, area, &doc, alternative, placed.structure.bytes, "registers");
         xml.node("registers", "", |xml| {
-            for member in members::of(placed.structure) {
+            let members = members::of(placed.structure);
+            let mut names = Names::of(&members);
+            for member in members {
                 match member {
-                    Member::Register(of) => register(xml, of, 0),
-                    Member::Group(of) => group(xml, &of),
+                    Member::Register(of) => register(xml, of, 0, &names.own(of.name)),
+                    Member::Group(of) => group(xml, &of, &names.own(of.member_name())),
                     Member::Padding { .. } => {}
                 }
             }
@@ -97,17 +100,56 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes
     });
 }
 
-fn group(xml: &mut Xml, group: &Group) {
+fn group(xml: &mut Xml, group: &Group, name: &str) {
     xml.node("cluster", "", |xml| {
-        dimensions(xml, group.member_name(), group.dims());
+        dimensions(xml, name, group.dims());
         xml.leaf("description", format!("{}. {}", group.type_name(), group.about()));
         xml.leaf("addressOffset", format!("0x{:X}", group.offset()));
-        for member in group.members() {
+        let members = group.members();
+        let mut names = Names::of(&members);
+        for member in members {
             if let Member::Register(of) = member {
-                register(xml, of, group.offset());
+                register(xml, of, group.offset(), &names.own(of.name));
             }
         }
     });
+}
+
+/// The names of the members of a structure. A tool expands an array of two dimensions to names such as `a_x_5_7`, which
+/// another member may have, too.
+struct Names {
+    elements: HashSet<String>,
+    used: UsedNames,
+}
+
+impl Names {
+    fn of(members: &[Member]) -> Self {
+        let named = |member: &Member| match member {
+            Member::Register(of) => Some((of.name, members::own_dims(of))),
+            Member::Group(of) => Some((of.member_name(), of.dims())),
+            Member::Padding { .. } => None,
+        };
+        let elements: HashSet<_> = members
+            .iter()
+            .filter_map(named)
+            .filter_map(|(name, dims)| <&[Dim; 2]>::try_from(dims).ok().map(|dims| (name, dims)))
+            .flat_map(|(name, [outer, inner])| pairs(outer, inner).map(move |pair| format!("{name}_{pair}")))
+            .collect();
+        let all = members.iter().filter_map(named).map(|(name, _)| name.to_owned());
+        let used = UsedNames::of(all.chain(elements.iter().cloned()));
+        Self { elements, used }
+    }
+
+    /// Returns the name of a member in the export.
+    fn own(&mut self, name: &str) -> String {
+        if self.elements.contains(name) { self.used.add(name) } else { name.to_owned() }
+    }
+}
+
+/// Returns the two indices of each element, such as `5_7`.
+fn pairs(outer: &Dim, inner: &Dim) -> impl Iterator<Item = String> {
+    let (outer, inner) = (outer.count, inner.count);
+    (0..outer).flat_map(move |i| (0..inner).map(move |j| format!("{i}_{j}")))
 }
 
 /// Writes the number of elements, and the name with a placeholder for the index.
@@ -122,15 +164,14 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
         return xml.leaf("name", format!("{name}[%s]"));
     };
     // SVD has only one index, so it counts the elements of both dimensions.
-    let pairs = (0..outer.count).flat_map(|i| (0..inner.count).map(move |j| format!("{i}_{j}")));
-    xml.leaf("dimIndex", pairs.collect::<Vec<_>>().join(","));
+    xml.leaf("dimIndex", pairs(outer, inner).collect::<Vec<_>>().join(","));
     xml.leaf("name", format!("{name}_%s"));
 }
 
-/// Writes a register. `start` is the base of the offset.
-fn register(xml: &mut Xml, of: &'static Register, start: u32) {
+/// Writes a register with a name. `start` is the base of the offset.
+fn register(xml: &mut Xml, of: &'static Register, start: u32, name: &str) {
     xml.node("register", "", |xml| {
-        dimensions(xml, of.name, members::own_dims(of));
+        dimensions(xml, name, members::own_dims(of));
         xml.leaf("description", text::remark(of));
         xml.leaf("addressOffset", format!("0x{:X}", of.offset - start));
         xml.leaf("size", 8 * of.ty.width());

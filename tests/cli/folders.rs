@@ -897,6 +897,64 @@ fn equal_names_of_an_export_get_numbers() {
     }
 }
 
+/// Names of types and macros of C, and names that Structured Text does not allow.
+#[test]
+fn names_that_a_language_uses_itself_are_changed() {
+    let place = Place::new();
+    let areas: [(&str, &str, &[&str]); 4] = [
+        ("y", "type", &["w__b", "w_b", "eof", "uint8_t"]),
+        ("z", "r_type", &["one", "int16_t", "type", "uint16_t"]),
+        ("uint8_t", "uint8_t", &["x", "m_pi"]),
+        ("uint16_t", "uint16_t", &["int8_t", "uint32_t"]),
+    ];
+    write_words(&place, &areas);
+    let sources = "page = '1'\ndoc = 'x'\nname_from = 'manual'\noffsets = 'manual'\nnames = 'manual'\ntypes = 'manual'\nowners = 'manual'\nresets = 'manual'\n";
+    let rows = "{ offset = 0, name = 'a_x', type = 'BYTE', array = [6, 8], owner = 'plc', doc = 'x' },\n\
+                { offset = 48, name = 'a_x_5_7', type = 'BYTE', array = [2], owner = 'plc', doc = 'x' },\n\
+                { offset = 50, name = 'a_x_6_7', type = 'BYTE', array = [2], owner = 'plc', doc = 'x' },\n";
+    let arrays = format!("name = 'ARRAYS'\nsize = 52\n{sources}register = [\n{rows}]\n");
+    place.write("words/ARRAYS.toml", &arrays);
+    let device = fs::read_to_string(place.path("words/device.toml")).unwrap();
+    let device = device.replace("structures = [", "structures = [\"ARRAYS\", ");
+    let area = "[[area]]\nname = 'arrays'\nfirst = 600\npage = '1'\ndoc = 'x'\n\
+                structure = [{ name = 'ARRAYS', live = 'always' }]\n";
+    place.write("words/device.toml", &(device + area));
+    let export = |args: &[&str]| {
+        run(&[&["export"], args, &["--device", &place.path("words")]].concat()).ok().to_owned()
+    };
+    let has = |text: &str, lines: &[&str]| {
+        for line in lines {
+            assert_eq!(text.matches(line).count(), 1, "{line}\n{text}");
+        }
+    };
+    let st = export(&["st"]);
+    has(
+        &st,
+        &[
+            "    r_type : (*",
+            "    r_type_2 : (*",
+            "        w_b_2 : WORD;",
+            "        eof : WORD;",
+            ": r_type_2;",
+        ],
+    );
+    assert!(!st.contains("__"), "{st}");
+    let matiec = export(&["st", "--matiec"]);
+    has(&matiec, &["        r_eof : WORD;", "        r_m_pi : WORD;"]);
+    let svd = export(&["svd"]);
+    has(&svd, &["<name>a_x_%s</name>", "<name>a_x_5_7_2[%s]</name>", "<name>a_x_6_7[%s]</name>"]);
+    for format in ["c", "matiec"] {
+        place.write("words.h", &export(&[format]));
+        for (compiler, language) in [("cc", "c"), ("c++", "c++")] {
+            if is_there(compiler) {
+                let mut command = Command::new(compiler);
+                command.args(["-fsyntax-only", "-x", language, &place.path("words.h")]);
+                finish(&mut command).ok();
+            }
+        }
+    }
+}
+
 /// A bit keeps the name that its manual has in any script. Exports to formats with ASCII identifiers have names that differ
 /// from each other (D-221).
 #[test]
