@@ -38,7 +38,7 @@ const MOST_OPEN: usize = 8;
 pub(super) struct Tokens {
     pub(super) all: Vec<Token>,
     pub(super) comments: Vec<Range<usize>>,
-    /// For each `${` that is not closed, the range from it to the end of its line. The script is read as if the text with
+    /// For each `${` without a closing `}`, the range from it to the end of its line. The script is read as if the text with
     /// this `${` ended there.
     pub(super) unclosed: Vec<Range<usize>>,
 }
@@ -49,7 +49,7 @@ impl Tokens {
         let mut tokens = Tokens::default();
         // The first line may be an interpreter line, `#!`.
         let mut at = if text.starts_with("#!") { line_end(text, 0) } else { 0 };
-        // For each `${` that is open, the number of open braces in its code, and the end of the `${`.
+        // For each open `${`, the number of open braces in its code, and the end of the `${`.
         let mut open: Vec<(usize, usize)> = Vec::new();
         loop {
             let Some(letter) = text[at..].chars().next() else {
