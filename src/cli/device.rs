@@ -146,6 +146,17 @@ pub(crate) fn on_any_device<T>(
 /// Distance if the device has neither the area nor the name.
 const UNKNOWN: u8 = 2;
 
+/// True if no device of the program has the area or the addresses of a name. A device in a folder may have them, and
+/// only the instance knows its folders.
+fn may_be_of_folder(refusal: &CliError) -> bool {
+    match refusal {
+        CliError::NoDeviceHas { .. } => true,
+        CliError::Layout(LayoutError::NoMatch { .. } | LayoutError::UnknownPort { .. }) => true,
+        CliError::Layout(refusal) => distance(refusal) == UNKNOWN,
+        _ => false,
+    }
+}
+
 /// Returns the distance between a name or address and this device, derived from the error of the device. A smaller
 /// number means that the user more probably means this device.
 fn distance(refusal: &LayoutError) -> u8 {
@@ -200,8 +211,8 @@ pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
-/// Does the same as [`of_any_device`]. If no device has the register or address and `instance` runs, the error message
-/// comes from the device of that instance.
+/// Does the same as [`of_any_device`]. If no device has the register or address, returns the result of
+/// [`answer_of_instance`].
 pub(crate) fn of_any_device_or_instance(
     instance: &Instance,
 ) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
@@ -218,7 +229,8 @@ pub(crate) fn of_any_device_or_instance(
 /// the instance has several PLCs and the user has not named a PLC.
 ///
 /// # Errors
-/// The error of `ask`, or `refusal`.
+/// The error of `ask`. If the instance cannot be read: `refusal`; or the reason, if a device in a folder may have the
+/// name.
 pub(crate) fn answer_of_instance<T>(
     instance: &Instance,
     refusal: CliError,
@@ -228,8 +240,12 @@ pub(crate) fn answer_of_instance<T>(
     if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
         return Err(refusal);
     }
-    let session = match Session::open_for_reading(&Instance::running(instance.name())) {
+    let is_open = may_be_of_folder(&refusal);
+    // A mistake in a name of a known device is reported at once, even if the instance is just starting.
+    let waiting = if is_open { instance.clone() } else { Instance::running(instance.name()) };
+    let session = match Session::open_for_reading(&waiting) {
         Ok(session) => session,
+        Err(unreadable) if is_open => return Err(unreadable),
         // The name may be right, but this user cannot read the folder or the instance.
         Err(
             lost @ CliError::Memory(

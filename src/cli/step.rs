@@ -1,9 +1,9 @@
 //! `commram step`: advance the clock, or go back.
 
-use super::device::on_any_device;
+use super::device::{answer_of_instance, on_any_device};
 use super::error::CliError;
 use super::{Instance, time};
-use crate::layout::split_plc;
+use crate::layout::{DeviceFit, split_plc};
 use crate::request::MAX_ADVANCE_US;
 
 /// Advance the emulated time, or go back (stepped mode only).
@@ -61,10 +61,16 @@ pub(crate) fn advance_time(text: &str) -> Result<u64, String> {
     Ok(us)
 }
 
-/// Checks that some device has this port.
-fn check(text: &str) -> Result<(), CliError> {
+/// Checks that some device has this port. If no device of the program has it, asks the instance.
+fn check(instance: &Instance, text: &str) -> Result<(), CliError> {
     let (_, name) = split_plc(text);
-    if name.is_empty() { Ok(()) } else { on_any_device(|fitted| fitted.device().port_named(name).map(drop)) }
+    if name.is_empty() {
+        return Ok(());
+    }
+    let look_up = |fitted: &DeviceFit| fitted.device().port_named(name).map(drop);
+    on_any_device(look_up).or_else(|refusal| {
+        answer_of_instance(instance, refusal, |session| session.port(text).map(drop), look_up)
+    })
 }
 
 /// Advances the clock or goes back.
@@ -74,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::wait::conditions_of;
     use crate::request::{Op, WrongReply};
 
-    args.to_sync.as_deref().map_or(Ok(()), check)?;
+    args.to_sync.as_deref().map_or(Ok(()), |port| check(&args.instance, port))?;
     let session = Session::open(&args.instance, args.time.unwrap_or(0))?;
     if !args.back_to.is_empty() {
         let mut ops = conditions_of(&session, &args.back_to)?;
@@ -101,9 +107,11 @@ mod tests {
 
     #[test]
     fn ports_are_named_as_in_registers() {
-        assert!(["", "node2", "line2:node1", "slotG"].into_iter().all(|text| check(text).is_ok()));
-        let error = check("node3").unwrap_err();
-        assert_eq!(error.to_string(), "unknown port `node3`; the ports are node1, node2, serial");
-        assert_eq!(error.exit_code(), 2);
+        let nobody = Instance::running("nobody-has-this-name");
+        for port in ["", "node2", "line2:node1", "slotG"] {
+            check(&nobody, port).unwrap();
+        }
+        // The port may belong to a device in a folder.
+        assert_eq!(check(&nobody, "node3").unwrap_err().exit_code(), 3);
     }
 }

@@ -45,6 +45,23 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["web", "--listen", "127.0.0.1:0"],
 ];
 
+/// Commands with names and addresses that no device of the program has, but that a device in a folder can have.
+const OF_A_FOLDER: &[&[&str]] = &[
+    &["peek", "box.w_X"],
+    &["peek", "box.*"],
+    &["peek", "w_X"],
+    &["peek", "%QB7"],
+    &["poke", "box.w_X=0"],
+    &["force", "box.w_X=0"],
+    &["unforce", "box.w_X"],
+    &["wait", "box.w_X==0"],
+    &["step", "--to-sync", "box"],
+    &["step", "--back-to", "box.w_X==0"],
+    &["dump", "box"],
+    &["watch", "box.w_X"],
+    &["plot", "box.w_X", "-o", "never.svg"],
+];
+
 /// Returns the commands that `commram help` lists.
 fn commands() -> Vec<String> {
     let help = run(&["help"]);
@@ -92,6 +109,10 @@ fn every_command_exits_with_3_without_its_instance() {
             let outcome = run(&[&args[..], &["-i", &killed.name]].concat());
             assert!(outcome.fails(3).contains("was killed"), "{args:?}: {}", outcome.err);
         }
+    }
+    for args in OF_A_FOLDER {
+        let outcome = run(&[args, &["-i", "nobody-has-this-name", "--connect-timeout", "0s"][..]].concat());
+        assert!(outcome.fails(3).contains("nobody-has-this-name"), "{args:?}: {}", outcome.err);
     }
     assert!(run(&["map", "-i", "nobody-has-this-name"]).fails(3).contains("nobody-has-this-name"));
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/28-one-answer.rhai");

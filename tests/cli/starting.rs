@@ -3,6 +3,7 @@
 use crate::common::{
     Outcome, commram, eventually, files_of, finish, remove_remains, run, stat, unique_name, wait_for,
 };
+use crate::folders::Place;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -148,16 +149,21 @@ fn a_failed_start_prints_its_reason_in_foreground_and_background() {
 
 #[test]
 fn clients_wait_for_an_emulator_that_is_just_starting() {
-    for (command, args) in [
-        ("peek", &["node2.w_OPTION_STATUS"][..]),
-        ("poke", &["node2.w_CPU_CONTROL=0"]),
-        ("wait", &["node2.w_OPTION_STATUS==1"]),
+    let place = Place::new();
+    let folder = &[&*place.path("plant.toml")];
+    for (plant, command, args) in [
+        (&[][..], "peek", &["node2.w_OPTION_STATUS"][..]),
+        (&[], "poke", &["node2.w_CPU_CONTROL=0"]),
+        (&[], "wait", &["node2.w_OPTION_STATUS==1"]),
+        // Only the instance knows these names.
+        (folder, "peek", &["data.w_OUT"]),
+        (folder, "dump", &["data.*"]),
     ] {
         let instance = Background::new();
         let mut client = commram();
         client.arg(command).args(args).args(["-i", &instance.0, "--connect-timeout", "1min"]);
         let client = client.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        instance.run("run", &["--detach"]).ok();
+        instance.run("run", &[plant, &["--detach"]].concat()).ok();
         let output = client.wait_with_output().unwrap();
         assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
     }
