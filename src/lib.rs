@@ -120,6 +120,8 @@ pub mod serial;
 #[cfg(feature = "emulator")]
 pub mod snapshot_fields;
 pub mod time;
+#[cfg(feature = "script")]
+mod whole_script;
 #[cfg(any(test, feature = "export", feature = "script", feature = "studio"))]
 mod xml_text;
 

@@ -75,7 +75,8 @@ impl Dialect<'_> {
 fn code(line: &str) -> String {
     let (mut code, mut in_text, mut last) = (String::with_capacity(line.len()), false, ' ');
     for (at, sign) in line.char_indices() {
-        if !in_text && line[at..].starts_with("//") {
+        let rest = &line[at..];
+        if !in_text && (rest.starts_with("//") || rest.starts_with("/*") && !rest.contains("*/")) {
             break;
         }
         let is_quote = sign == '"' && last != '\\';

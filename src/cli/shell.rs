@@ -101,6 +101,7 @@ struct Shell {
 
 impl Shell {
     fn read_pipe(&mut self) -> Result<(), CliError> {
+        let commands = command(self.instance.name());
         let (mut piece, mut begin) = (String::new(), 1);
         let mut input = io::stdin().lock();
         for number in 1.. {
@@ -118,7 +119,7 @@ impl Shell {
             });
             let is_last =
                 read.map_err(|right| CliError::Argument { text: format!("line {number}"), right })? == 0;
-            if !is_last && words::is_open(&piece) {
+            if !is_last && words::continues(&piece, &commands) {
                 continue;
             }
             match self.line(&core::mem::take(&mut piece)) {

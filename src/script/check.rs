@@ -8,6 +8,7 @@ use super::engine::{Stage, engine, wrong_count};
 use super::run::{Limits, limit};
 use super::{ScenarioError, Span, Value, Verb};
 use crate::layout::NamedLocation;
+use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{Engine, ParseError};
 use std::collections::BTreeSet;
@@ -61,7 +62,7 @@ impl Checker {
 
     /// Returns the first error of the parser.
     pub(crate) fn misreading(&self, text: &str) -> Option<Misreading> {
-        let ParseError(reason, position) = self.engine.compile(text).err()?;
+        let ParseError(reason, position) = whole_script::compile(&self.engine, text).err()?;
         let line = position.line();
         let source = line.and_then(|line| text.split('\n').nth(line.checked_sub(1)?));
         let what = misread(&reason, source.unwrap_or_default());

@@ -3,6 +3,7 @@
 use super::ScenarioError;
 use super::caught::Caught;
 use crate::input_file;
+use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
 use std::collections::BTreeMap;
@@ -122,7 +123,7 @@ fn module(engine: &Engine, path: &str, text: &str) -> Result<Rc<Module>, Box<Eva
         Some(rest) => rest.find('\n').map_or("", |end| &rest[end..]),
         None => text,
     };
-    let mut script = engine.compile(text)?;
+    let mut script = whole_script::compile(engine, text)?;
     script.set_source(path);
     Ok(Module::eval_ast_as_new(Scope::new(), &script, engine)?.into())
 }

@@ -7,6 +7,7 @@ use super::imports::Imports;
 use super::printed::Printed;
 use super::report::Outcome;
 use super::run::{Limits, broken, ended, limit, place};
+use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{AST, Dynamic, Engine, ParseError, Scope};
 use std::path::{Path, PathBuf};
@@ -52,9 +53,7 @@ impl Lines {
     /// An expectation failed, or the piece is wrong: [`Outcome::Failed`], [`Outcome::Broken`].
     pub fn run(&mut self, text: &str) -> Result<Option<String>, Box<Outcome>> {
         let file = Path::new("shell");
-        let piece = self
-            .engine
-            .compile(text)
+        let piece = whole_script::compile(&self.engine, text)
             .map_err(|ParseError(reason, _)| Box::new(broken(&misread(&reason, text), place(file, None))))?;
         let known = self.functions.merge(&piece);
         self.functions = known.clone_functions_only();

@@ -3,6 +3,7 @@
 use super::imports::module_file;
 use super::run::stack_guard;
 use crate::input_file;
+use crate::whole_script;
 use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -26,7 +27,7 @@ pub fn is_part(text: &str) -> bool {
     engine.set_module_resolver(Nothing);
     engine.on_print(|_| {});
     engine.on_debug(|_, _, _| {});
-    let Ok(script) = engine.compile(text) else { return false };
+    let Ok(script) = whole_script::compile(&engine, text) else { return false };
     // This engine has no verbs, so a script that calls one ends with an error.
     script.has_functions() && engine.run_ast_with_scope(&mut Scope::new(), &script).is_ok()
 }

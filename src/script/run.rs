@@ -13,6 +13,7 @@ use crate::input_file;
 #[cfg(feature = "cli")]
 use crate::plant::PlantConfig;
 use crate::time::short;
+use crate::whole_script;
 use core::cell::{Cell, RefCell};
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
 use std::path::{Path, PathBuf};
@@ -230,7 +231,7 @@ fn run_text(
     stage: &Rc<RefCell<Stage>>,
     limits: Limits,
 ) -> Outcome {
-    let ast = match engine.compile(text) {
+    let ast = match whole_script::compile(engine, text) {
         Ok(ast) => ast,
         Err(ParseError(reason, position)) => {
             let place = place(file, position.line());
@@ -447,6 +448,14 @@ mod tests {
             let Outcome::Broken(mistake) = outcome else { panic!("{text}: {outcome:?}") };
             assert!(mistake.what.contains("nested too deep"), "{text}: {mistake}");
         }
+    }
+
+    #[test]
+    fn a_script_with_an_open_comment_is_refused() {
+        let outcome = outcome(b"step(\"1ms\");\n/* open IF\nexpect_that(false, \"\");", Limits::default());
+        let Outcome::Broken(mistake) = outcome else { panic!("{outcome:?}") };
+        assert!(mistake.what.contains("'*/' to end this comment"), "{mistake}");
+        assert_eq!(mistake.location.line, Some(2));
     }
 
     /// Every script ends with an outcome, reads no other file, and leaves no file.

@@ -171,6 +171,17 @@ fn the_shell_survives_a_text_that_evaluates_itself() {
 }
 
 #[test]
+fn a_comment_or_text_of_the_shell_can_have_several_lines() {
+    let emulator = Emulator::stepped();
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(b"/* a (\nb */ print(1)\nprint(`x\ny`)\nstep 1us\n/* open\nprint(2)\n").unwrap();
+    let outcome = crate::common::finish(emulator.command("shell", &[]).stdin(file.reopen().unwrap()));
+    let is_explained = ["Expecting '*/' to end this comment", "line 6 failed"];
+    assert!(is_explained.iter().all(|text| outcome.err.contains(text)), "{}", outcome.err);
+    assert_eq!((outcome.code, outcome.out.as_str()), (Some(2), "1\nx\ny\n0.000001 s\n"));
+}
+
+#[test]
 fn the_shell_lists_its_commands_and_verbs() {
     let emulator = Emulator::stepped();
     let shown = |line: &str| {

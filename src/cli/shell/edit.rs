@@ -95,7 +95,7 @@ impl Highlighter for LineHelper {}
 impl Validator for LineHelper {
     fn validate(&self, context: &mut ValidationContext<'_>) -> rustyline::Result<ValidationResult> {
         let text = context.input();
-        let is_incomplete = !words::is_command(text, &self.command) && words::is_open(text);
+        let is_incomplete = words::continues(text, &self.command);
         Ok(if is_incomplete { ValidationResult::Incomplete } else { ValidationResult::Valid(None) })
     }
 }

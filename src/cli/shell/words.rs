@@ -124,8 +124,13 @@ pub(super) fn split(line: &str) -> Option<Vec<String>> {
     quote.is_none().then_some(words)
 }
 
-/// True if a piece of a scenario continues in the next line because a bracket is open.
-pub(super) fn is_open(text: &str) -> bool {
+/// True if the input continues in the next line: it is a piece of a scenario in which a bracket, a block comment or a text
+/// in backticks is open.
+pub(super) fn continues(text: &str, commands: &clap::Command) -> bool {
+    !text.trim_start().starts_with('#') && !is_command(text, commands) && is_open(text)
+}
+
+fn is_open(text: &str) -> bool {
     let (mut depth, mut quote, mut signs) = (0_i32, None, text.chars().peekable());
     while let Some(sign) = signs.next() {
         match (quote, sign) {
@@ -140,12 +145,35 @@ pub(super) fn is_open(text: &str) -> bool {
             (None, '/') if signs.peek() == Some(&'/') => {
                 signs.by_ref().take_while(|sign| *sign != '\n').for_each(drop);
             }
+            (None, '/') if signs.peek() == Some(&'*') => {
+                if !skip_comment(&mut signs) {
+                    return true;
+                }
+            }
             (None, '(' | '[' | '{') => depth += 1,
             (None, ')' | ']' | '}') => depth -= 1,
             (None, _) => {}
         }
     }
-    depth > 0
+    depth > 0 || quote == Some('`')
+}
+
+/// Skips the rest of a block comment after its `/`. Comments can be nested. Returns false if the comment does not end.
+fn skip_comment(signs: &mut core::iter::Peekable<core::str::Chars<'_>>) -> bool {
+    signs.next();
+    let mut depth = 1;
+    while let Some(sign) = signs.next() {
+        match (sign, signs.peek()) {
+            ('/', Some('*')) => depth += 1,
+            ('*', Some('/')) => depth -= 1,
+            _ => continue,
+        }
+        signs.next();
+        if depth == 0 {
+            return true;
+        }
+    }
+    false
 }
 
 /// Returns the position where an unclosed text at the end of a piece begins.
@@ -234,11 +262,32 @@ mod tests {
 
     #[test]
     fn a_piece_with_an_open_bracket_continues() {
-        for open in ["if x {", "expect(", "let a = [1,", "f(\"(\", // )\n"] {
-            assert!(is_open(open), "{open}");
+        let commands = super::super::command("x");
+        for open in [
+            "if x {",
+            "expect(",
+            "let a = [1,",
+            "f(\"(\", // )\n",
+            "/* a",
+            "/* a /* b */\nc",
+            "1 /* )",
+            "let a = `b",
+        ] {
+            assert!(continues(open, &commands), "{open}");
         }
-        for closed in ["", "step(\"1ms\")", "print(\"{\")", "// (", "f(`(`)"] {
-            assert!(!is_open(closed), "{closed}");
+        for closed in [
+            "",
+            "step(\"1ms\")",
+            "print(\"{\")",
+            "// (",
+            "f(`(`)",
+            "/* ( /* [ */ */",
+            "\"/*\"",
+            "# a (/*",
+            "test scenarios/*.rhai",
+            "/**/",
+        ] {
+            assert!(!continues(closed, &commands), "{closed}");
         }
     }
 

@@ -6,6 +6,7 @@
 use crate::devices::folder::{FolderError, plant_alone};
 use crate::devices::{Exercise, Move};
 use crate::layout::DeviceLayout;
+use crate::whole_script;
 use core::ops::RangeInclusive;
 use rhai::{AST, Array, Dynamic, Engine, INT, Map, Scope};
 use std::path::Path;
@@ -36,7 +37,7 @@ pub(super) fn read(
         return wrong(None, format!("it has more than {} KiB", LONGEST >> 10));
     }
     let engine = engine();
-    let ast = match engine.compile(text) {
+    let ast = match whole_script::compile(&engine, text) {
         Ok(ast) => ast,
         Err(error) => return wrong(error.position().line(), error.err_type().to_string()),
     };

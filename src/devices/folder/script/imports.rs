@@ -2,6 +2,7 @@
 //! script.
 
 use super::Files;
+use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
 use std::collections::BTreeMap;
@@ -51,7 +52,7 @@ impl ModuleResolver for Imports {
 }
 
 fn module(engine: &Engine, file: &str, text: &str) -> Result<Rc<Module>, Box<EvalAltResult>> {
-    let mut script = engine.compile(text)?;
+    let mut script = whole_script::compile(engine, text)?;
     script.set_source(file);
     Ok(Module::eval_ast_as_new(Scope::new(), &script, engine)?.into())
 }

@@ -8,6 +8,7 @@ use super::mistake::Mistake;
 use super::state::{LiveStates, State};
 use super::verb_context::{Acting, VerbContext};
 use crate::layout::DeviceLayout;
+use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope, Stmt};
 use std::rc::Rc;
@@ -75,8 +76,8 @@ impl Program {
         let meter = Rc::new(Meter::default());
         let engine = engine(&context, &meter, files);
         let text = files.first().map_or("", |(_, text)| text);
-        let ast =
-            engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
+        let ast = whole_script::compile(&engine, text)
+            .map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
         let has_statements =
             !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
         Ok(Program {

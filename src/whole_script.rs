@@ -1,0 +1,72 @@
+//! Compiles scripts of Rhai. The engine accepts a script whose last comment does not end, and skips the code in this
+//! comment. Here it is an error.
+
+use rhai::{AST, Engine, ParseError, ParseErrorType, Position};
+
+/// Maximum number of positions at which an open comment is searched.
+const SEARCHED: usize = 16;
+
+/// Compiles a script.
+///
+/// # Errors
+/// The parser does not accept the text, or a block comment does not end.
+pub(crate) fn compile(engine: &Engine, text: &str) -> Result<AST, ParseError> {
+    let script = engine.compile(text)?;
+    if !ends_in_comment(engine, text) {
+        return Ok(script);
+    }
+    let begin = text.rmatch_indices("/*").take(SEARCHED).find(|(at, _)| {
+        // Inside a comment, `text[..at]` ends in this comment, too.
+        !ends_in_comment(engine, text.get(..*at).unwrap_or_default())
+    });
+    let position = begin.map_or(Position::NONE, |(at, _)| position(text.get(..at).unwrap_or_default()));
+    let missing = ParseErrorType::MissingToken("*/".to_owned(), "to end this comment".to_owned());
+    Err(ParseError(Box::new(missing), position))
+}
+
+/// True if a comment is open at the end of a text that the engine accepts: `*/` is an error outside of comments.
+fn ends_in_comment(engine: &Engine, text: &str) -> bool {
+    text.contains("/*") && engine.compile(format!("{text}\n*/")).is_ok()
+}
+
+/// Returns the position after a text, or no position if the script is too long for one.
+fn position(before: &str) -> Position {
+    let lines = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    match (u16::try_from(lines), u16::try_from(column)) {
+        (Ok(line), Ok(column)) => Position::new(line, column),
+        _ => Position::NONE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comment_must_end() {
+        let engine = Engine::new();
+        for whole in [
+            "1 /* a */",
+            "/* a /* b */ c */ 1",
+            "\"/*\"",
+            "1 // /*",
+            "`/* ${ 1 /* a */ }`",
+            "",
+            "let x = `/*`;",
+        ] {
+            assert!(compile(&engine, whole).is_ok(), "{whole}");
+        }
+        for (open, line, column) in [
+            ("/* a", 1, 1),
+            ("1; /* a */\n  /* b", 2, 3),
+            ("1;\n/* a /* b */", 2, 1),
+            ("fn f() { 1 }\n\"/*\"; /* /* /*", 2, 7),
+        ] {
+            let error = compile(&engine, open).unwrap_err();
+            assert_eq!(error.1, Position::new(line, column), "{open}");
+            assert!(error.0.to_string().contains("'*/' to end this comment"), "{}", error.0);
+        }
+        assert!(compile(&engine, "let x = ").is_err());
+    }
+}
