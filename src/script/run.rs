@@ -458,6 +458,14 @@ mod tests {
         assert_eq!(mistake.location.line, Some(2));
     }
 
+    #[test]
+    fn times_of_all_verbs_can_be_microseconds() {
+        let text = b"expect_no_frame(\"drives\", 0x501, 2000); expect_no_frame(\"drives\", 0x501, 1000, extended);\n\
+                     expect_no_frame(\"drives\", 0x501, 0x7FF, 500); step(500); expect_that(now() == 4000, `${now()}`);";
+        let outcome = outcome(text, Limits::default());
+        assert!(matches!(outcome, Outcome::Passed), "{outcome:?}");
+    }
+
     /// Every script ends with an outcome, reads no other file, and leaves no file.
     #[test]
     fn fuzz_scenario() {

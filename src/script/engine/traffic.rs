@@ -4,7 +4,7 @@ use super::arguments::{data_bytes, identifier, number, span};
 use super::{Verbs, held, int, record_map};
 use crate::devices;
 use crate::journal::text::Text;
-use crate::script::SeenFrame;
+use crate::script::{Bench, ScenarioError, SeenFrame};
 use rhai::{Array, Dynamic, INT, Map};
 
 /// All bits of an identifier.
@@ -53,13 +53,7 @@ impl Verbs {
         });
         self.on("expect_no_frame", |stage| {
             move |bus: &str, id: INT, within: Dynamic, extended: bool| {
-                stage.expect(|bench| {
-                    if extended {
-                        bench.expect_no_extended_frame(bus, number(id, "identifier")?, span(&within)?)
-                    } else {
-                        bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(&within)?)
-                    }
-                })
+                stage.expect(|bench| expect_no_frame(bench, bus, id, &within, extended))
             }
         });
         self.on("send_frame", |stage| {
@@ -85,8 +79,10 @@ impl Verbs {
         });
         self.on("expect_no_frame", |stage| {
             move |bus: &str, id: INT, mask: INT, within: Dynamic| {
-                stage.expect(|bench| {
-                    bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?)
+                stage.expect(|bench| match within.as_bool() {
+                    // The engine prefers this function if the time is a number: `(bus, identifier, within, extended)`.
+                    Ok(extended) => expect_no_frame(bench, bus, id, &mask.into(), extended),
+                    Err(_) => bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?),
                 })
             }
         });
@@ -111,6 +107,22 @@ impl Verbs {
                 })
             }
         });
+    }
+}
+
+/// Expects no frame with an identifier of 11 or 29 bits.
+#[track_caller]
+fn expect_no_frame(
+    bench: &mut Bench,
+    bus: &str,
+    id: INT,
+    within: &Dynamic,
+    extended: bool,
+) -> Result<(), ScenarioError> {
+    if extended {
+        bench.expect_no_extended_frame(bus, number(id, "identifier")?, span(within)?)
+    } else {
+        bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(within)?)
     }
 }
 
