@@ -7,6 +7,7 @@ use super::{
 use crate::journal::Journal;
 use crate::snapshot_fields::{Damaged, Saved, Saving};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Time of an event that never occurs.
 const NEVER: u64 = u64::MAX;
@@ -34,6 +35,12 @@ impl Entry {
         // folder declares. So the record contains this name.
         let name = kind.declaration().map(|_| kind.name().as_bytes());
         journal.push_octets(now, record, name);
+    }
+
+    /// True if the fault has hit. A fault of a kind without hits has taken effect as soon as it is active.
+    fn has_acted(&self) -> bool {
+        let FaultStatus { fault, acting, hits, .. } = self.status;
+        hits > 0 || acting && !fault.kind().has_hits()
     }
 
     fn next_time(&self) -> u64 {
@@ -102,6 +109,9 @@ impl SavedFault {
 pub struct Faults {
     entries: Vec<Entry>,
     last_id: u16,
+    /// Numbers of the faults that have taken effect and have ended. They are not in a snapshot: a restored plant only
+    /// knows its pending and active faults.
+    past: BTreeSet<u16>,
     /// Time at which the next fault begins or ends, in microseconds.
     next: Option<u64>,
 }
@@ -110,7 +120,7 @@ impl Faults {
     /// Saves the pending and active faults.
     pub(crate) fn save(&self, to: &mut Saving) {
         // `next` is not saved, because it follows from the entries.
-        let Faults { entries, last_id, next: _ } = self;
+        let Faults { entries, last_id, past: _, next: _ } = self;
         to.value(&(entries.iter().map(SavedFault::of).collect::<Vec<_>>(), last_id));
     }
 
@@ -127,6 +137,8 @@ impl Faults {
         let entries = kept.iter().map(|kept| kept.entry(kinds, sites)).collect::<Option<_>>();
         self.entries = entries.ok_or_else(|| from.no("fault that the plant can have"))?;
         self.last_id = last_id;
+        // The numbers can be given again.
+        self.past.clear();
         self.schedule();
         Ok(())
     }
@@ -160,6 +172,7 @@ impl Faults {
         }
         let id = self.free_id();
         self.last_id = id;
+        self.past.remove(&id);
         let begins = fault.at_us().max(now);
         let ends = match fault.limit() {
             Limit::Duration(us) => begins.saturating_add(us.into()),
@@ -273,7 +286,15 @@ impl Faults {
         self.entries.iter().map(|entry| entry.status)
     }
 
+    /// True if the fault with this number has taken effect since it was added. The fault may have ended.
+    pub fn has_acted(&self, id: u16) -> bool {
+        let known = self.entries.iter().find(|entry| entry.status.id == id);
+        known.map_or_else(|| self.past.contains(&id), Entry::has_acted)
+    }
+
     fn tidy_up(&mut self) {
+        let past = self.entries.iter().filter(|entry| entry.done && entry.has_acted());
+        self.past.extend(past.map(|entry| entry.status.id));
         self.entries.retain(|entry| !entry.done);
         self.schedule();
     }

@@ -40,6 +40,12 @@ impl Plant {
         self.faults.list()
     }
 
+    /// True if the fault with this number has taken effect since it was added, even if it has ended. After a return to an
+    /// earlier moment, only pending and active faults are known.
+    pub fn fault_has_acted(&self, id: u16) -> bool {
+        self.faults.has_acted(id)
+    }
+
     /// Begins and ends faults at the present time.
     pub(super) fn advance_faults(&mut self) {
         self.faults.advance(self.now, &mut self.journal);

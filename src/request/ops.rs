@@ -187,6 +187,11 @@ macro_rules! ops {
                 /// Number of the fault, from 1 on. Without a number all faults are cleared; the wire format has 0 then.
                 id: Option<NonZeroU16> => value,
             },
+            /// Returns 1 if the fault with this number has taken effect, even if it has ended, else 0.
+            FaultHasActed = 23, fault_has_acted, Looks -> Value {
+                /// Number of the fault.
+                id: u16 => plc,
+            },
             /// Reads a PLC's board.
             Board = 40, board, Looks -> Board {
                 /// Number of the PLC.

@@ -76,6 +76,7 @@ pub(super) fn ops() -> Vec<(String, Op)> {
         Op::FaultList,
         Op::FaultClear { id: None },
         Op::FaultClear { id: NonZeroU16::new(12) },
+        Op::FaultHasActed { id: 12 },
         Op::Board { plc: DeviceIndex(plc) },
         Op::SetBoard { plc: DeviceIndex(plc), setting: BoardSetting::Front { word: 1, value: 6 } },
         Op::Findings,

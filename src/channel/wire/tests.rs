@@ -74,6 +74,7 @@ fn op() -> impl Strategy<Value = Op> {
         fault().prop_map(|fault| Op::FaultAdd { fault }),
         Just(Op::FaultList),
         any::<u16>().prop_map(|id| Op::FaultClear { id: NonZeroU16::new(id) }),
+        any::<u16>().prop_map(|id| Op::FaultHasActed { id }),
         any::<u16>().prop_map(|plc| Op::Board { plc: DeviceIndex(plc) }),
         (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
             Some(Op::SetBoard { plc: DeviceIndex(plc), setting: BoardSetting::from_numbers(which, value)? })

@@ -19,6 +19,10 @@ impl Work<'_> {
         Ok(Reply::Faults(self.host.plant().faults().collect()))
     }
 
+    pub(super) fn fault_has_acted(&mut self, id: u16) -> Result<Reply, Refused> {
+        Ok(Reply::Value(self.host.plant().fault_has_acted(id).into()))
+    }
+
     pub(super) fn fault_clear(&mut self, id: Option<NonZeroU16>) -> Result<Reply, Refused> {
         let plant = self.host.plant_mut();
         let count = match id {

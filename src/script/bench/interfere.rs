@@ -4,7 +4,7 @@ use super::ask::Spot;
 use super::register::Register;
 use super::{Bench, Required, RequiredState};
 use crate::devices;
-use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal, in_installation};
+use crate::fault::{FaultSpec, FaultStatus, Refusal, in_installation};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
 use crate::script::{ScenarioError, ScriptLocation, Value};
@@ -105,23 +105,12 @@ impl Bench {
 
     /// Notes which required faults have taken effect. This is called before the plant forgets faults.
     pub(super) fn note_required_faults(&mut self) -> Result<(), ScenarioError> {
-        if self.required.iter().all(|it| it.state != RequiredState::Known) {
-            return Ok(());
+        for index in 0..self.required.len() {
+            let Required { number: id, state, .. } = self.required[index];
+            if state == RequiredState::Known && self.ask(Op::FaultHasActed { id })?.value()? == 1 {
+                self.required[index].state = RequiredState::HasActed;
+            }
         }
-        let there = self.faults()?;
-        let (records, _) = self.records(0)?;
-        let over: Vec<FaultNews> = records.iter().filter_map(|record| record.event.get()).collect();
-        // A kind of fault without hits has taken effect as soon as it is active.
-        let has_acted = |it: &FaultStatus| it.hits > 0 || it.acting && !it.fault.kind().has_hits();
-        let has_hits = |kind| devices::fault_kinds().iter().any(|it| it.number() == kind && it.has_hits());
-        let has_effect =
-            |it: &FaultNews| matches!(it.news, News::Hit(_)) || it.news == News::Over && !has_hits(it.kind);
-        let struck = |id| {
-            there.iter().any(|it| it.id == id && has_acted(it))
-                || over.iter().any(|it| it.id == id && has_effect(it))
-        };
-        let known = self.required.iter_mut().filter(|it| it.state == RequiredState::Known);
-        known.filter(|it| struck(it.number)).for_each(|it| it.state = RequiredState::HasActed);
         Ok(())
     }
 

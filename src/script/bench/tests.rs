@@ -1,7 +1,11 @@
 use super::*;
 use crate::devices::samples::tables::NODES;
+use crate::fault::{FaultNews, News};
+use crate::journal::Record;
 use crate::memory::Cell16;
+use crate::request::Op;
 use crate::script::{Numbers, ScenarioError};
+use core::num::NonZeroU16;
 
 fn message<T>(outcome: Result<T, ScenarioError>) -> String {
     outcome.err().map(|error| error.to_string()).unwrap_or_default()
@@ -160,6 +164,24 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     // No request contains the other identifiers.
     bench.fault("lose_frame id=16#7FF")?;
     bench.expect_required_faults()
+}
+
+/// The journal keeps 65,536 rare records. Those of other faults push the record of the hit out.
+#[test]
+fn a_required_fault_counts_after_its_record_is_lost() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    bench.fault("lose_sync count=1 required")?;
+    bench.step("20ms")?;
+    for _ in 0..33_000 {
+        let second = bench.fault("lose_frame id=16#7FF at=1000s")?;
+        bench.ask(Op::FaultClear { id: NonZeroU16::new(second) })?;
+    }
+    assert!(bench.journal(0)?.iter().all(|record| !is_hit(record)), "the hit is still in the journal");
+    bench.expect_required_faults()
+}
+
+fn is_hit(record: &Record) -> bool {
+    record.event.get::<FaultNews>().is_some_and(|it| matches!(it.news, News::Hit(_)))
 }
 
 /// The end of a scenario knows the effect of a fault without hits that was cleared before.
