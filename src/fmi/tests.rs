@@ -42,7 +42,7 @@ fn a_folder_is_found_from_the_directory_of_the_plant_file_and_of_an_unpacked_uni
 #[test]
 fn steps_end_at_the_next_microsecond_and_errors_do_not_add_up() {
     let mut unit = unit(&["node2.w_*"]);
-    unit.begin(7.0).unwrap();
+    unit.begin(7.0, None).unwrap();
     let third = 0.001 / 3.0;
     let mut point = 7.0;
     for _ in 0..3000 {
@@ -57,8 +57,48 @@ fn steps_end_at_the_next_microsecond_and_errors_do_not_add_up() {
     for size in [-0.001, f64::NAN, f64::INFINITY, 1e300] {
         assert!(matches!(unit.step(8.0, size), Err(UnitError::Step { .. })), "{size}");
     }
-    assert!(unit.begin(f64::NAN).is_err());
     assert_eq!(unit.plant().now(), 1_000_000);
+}
+
+#[test]
+fn a_start_time_leaves_room_for_microseconds() {
+    let mut unit = unit(&["node2.w_*"]);
+    for start in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 1e14, -1e14, 9.000_001e9] {
+        assert!(matches!(unit.begin(start, None), Err(UnitError::Start { .. })), "{start}");
+    }
+    for start in [-9e9, -5.0, 9e9, 8e9] {
+        unit.begin(start, None).unwrap();
+        assert_eq!(unit.time_s(), start);
+    }
+    let before = unit.plant().now();
+    unit.step(8e9, 0.0001).unwrap();
+    assert_eq!(unit.plant().now(), before + 100);
+    assert!(matches!(unit.step(8e9 + 0.0001, 1.1e9), Err(UnitError::Step { .. })));
+}
+
+#[test]
+fn no_step_ends_after_the_stop_time() {
+    let mut unit = unit(&["node2.w_*"]);
+    for stop in [0.5, f64::NAN, f64::NEG_INFINITY] {
+        assert!(matches!(unit.begin(1.0, Some(stop)), Err(UnitError::Stop { .. })), "{stop}");
+    }
+    unit.begin(1.0, Some(1.005)).unwrap();
+    let state = unit.state();
+    assert_eq!(unit.step(1.0, 0.01), Err(UnitError::PastStop { end: 1.01, stop: 1.005 }));
+    assert_eq!(unit.time_s(), 1.0);
+    // Thirds of a millisecond add up to the stop time, except for rounding errors.
+    let (third, mut point) = (0.001 / 3.0, 1.0);
+    for _ in 0..15 {
+        unit.step(point, third).unwrap();
+        point += third;
+    }
+    assert_eq!(unit.plant().now(), 5000);
+    assert!(matches!(unit.step(point, third), Err(UnitError::PastStop { .. })));
+    // The stop time belongs to the initialization, not to a state.
+    unit.restore(&state).unwrap();
+    assert!(matches!(unit.step(1.0, 0.01), Err(UnitError::PastStop { .. })));
+    unit.begin(1.0, Some(f64::INFINITY)).unwrap();
+    unit.step(1.0, 0.01).unwrap();
 }
 
 #[test]
@@ -149,7 +189,7 @@ fn a_sample_of_the_state_format_can_be_read() {
         let mut unit = unit(&["node2.w_*"]);
         let [modelled, speed] =
             ["is_modelled", "speed_modelled"].map(|it| at(&unit, &format!("drive1.{it}")));
-        unit.begin(1.5).unwrap();
+        unit.begin(1.5, None).unwrap();
         unit.set(modelled, VariableType::Bool, Value::Boolean(true)).unwrap();
         unit.set(speed, VariableType::F64, Value::Float(2.25)).unwrap();
         unit.step(1.5, 0.02).unwrap();

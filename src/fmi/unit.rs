@@ -21,8 +21,11 @@ const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
 /// Number of microseconds in a second.
 const MICROS: f64 = 1e6;
-/// Latest time that a step may reach. Up to this time, the resolution of an `f64` is better than a microsecond.
+/// Latest time that a step may reach. Up to this time, an `f64` has each number of microseconds, and seconds with a
+/// resolution of 2 microseconds.
 const LONGEST_US: f64 = 9e15;
+/// The caller adds up its steps, so its times may differ by this from those of the unit, because of rounding.
+const TOLERANCE_US: f64 = 1.0;
 
 /// Reason for the failure of a call.
 #[derive(Debug, PartialEq, thiserror::Error)]
@@ -58,6 +61,28 @@ pub enum UnitError {
         name: String,
         /// Value that the caller gave.
         value: f64,
+    },
+    /// The start time is NaN, infinite, or so far from 0 that times near it cannot distinguish microseconds.
+    #[error("the simulation begins at {given} s; a start time is between -9e9 s and 9e9 s")]
+    Start {
+        /// Start time that the caller gave, in seconds.
+        given: f64,
+    },
+    /// The simulation ends before it starts.
+    #[error("the simulation begins at {start} s and stops at {stop} s; the stop time must not be earlier")]
+    Stop {
+        /// Start time of the simulation, in seconds.
+        start: f64,
+        /// Stop time of the simulation, in seconds.
+        stop: f64,
+    },
+    /// The step ends after the stop time of the simulation.
+    #[error("a step ends at {end} s, but the simulation was initialized with the stop time {stop} s")]
+    PastStop {
+        /// End of the step, in seconds.
+        end: f64,
+        /// Stop time of the simulation, in seconds.
+        stop: f64,
     },
     /// The step does not begin at the end of the last step.
     #[error("a step begins at {given} s, but the unit is at {now} s")]
@@ -115,6 +140,9 @@ pub struct Unit {
     plant: Plant,
     variables: Vec<Variable>,
     own: UnitFields,
+    /// Stop time of the co-simulation in seconds; infinite if the caller has not defined it. It does not belong to the
+    /// state of the unit (decision D-537).
+    stop_s: f64,
     /// Number of entries in the access checker's table that were already reported.
     reported_findings: usize,
 }
@@ -133,7 +161,7 @@ impl Unit {
         let variables = variables(&plant, resources.registers())?;
         let shafts = Shafts::of(&plant);
         let own = UnitFields { start_s: 0.0, start_us: plant.now(), shafts };
-        Ok(Self { plant, variables, own, reported_findings: 0 })
+        Ok(Self { plant, variables, own, stop_s: f64::INFINITY, reported_findings: 0 })
     }
 
     /// Returns the variables; the position of a variable is its reference.
@@ -161,15 +189,20 @@ impl Unit {
         format!("commram-{:016x}", XxHash3_64::oneshot((text + &layouts).as_bytes()))
     }
 
-    /// Begins the co-simulation at this time in seconds.
+    /// Begins the co-simulation at a time in seconds. If `stop_s` is given, no step may end later than this time.
     ///
     /// # Errors
-    /// [`UnitError::NotFinite`].
-    pub fn begin(&mut self, start_s: f64) -> Result<(), UnitError> {
-        if !start_s.is_finite() {
-            return Err(UnitError::NotFinite { name: "the time of start".to_owned(), value: start_s });
+    /// [`UnitError::Start`], [`UnitError::Stop`].
+    pub fn begin(&mut self, start_s: f64, stop_s: Option<f64>) -> Result<(), UnitError> {
+        if !has_microseconds(start_s) {
+            return Err(UnitError::Start { given: start_s });
+        }
+        let stop_s = stop_s.unwrap_or(f64::INFINITY);
+        if stop_s.is_nan() || stop_s < start_s {
+            return Err(UnitError::Stop { start: start_s, stop: stop_s });
         }
         self.own.start_s = start_s;
+        self.stop_s = stop_s;
         Ok(())
     }
 
@@ -188,13 +221,14 @@ impl Unit {
         let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
         let (begin, end) = (to_us(point), to_us(point + size));
         let now = (self.plant.now() - self.own.start_us) as f64;
-        // The caller adds up its steps, so its time may differ from the time of the unit by rounding, at most by a
-        // microsecond.
-        if !begin.is_finite() || (begin - now).abs() > 1.0 {
+        if !begin.is_finite() || (begin - now).abs() > TOLERANCE_US {
             return Err(UnitError::OtherTime { given: point, now: self.time_s() });
         }
-        if size.is_nan() || size < 0.0 || end > LONGEST_US {
+        if size.is_nan() || size < 0.0 || end > LONGEST_US || !has_microseconds(point + size) {
             return Err(UnitError::Step { size });
+        }
+        if end > to_us(self.stop_s) + TOLERANCE_US {
+            return Err(UnitError::PastStop { end: point + size, stop: self.stop_s });
         }
         for (drive, speed) in self.own.shafts.turned() {
             self.plant.turn_shaft(drive, Some(speed));
@@ -339,10 +373,15 @@ impl Unit {
         let file: Vec<u8> = from.value().map_err(damaged)?;
         from.end().map_err(damaged)?;
         let file = SnapshotFile::of_bytes(&file).map_err(|error| UnitError::State(error.to_string()))?;
-        let is_finite = own.start_s.is_finite() && own.shafts.are_finite();
-        if !is_finite || own.start_us > file.snapshot.time_us() {
+        let are_possible = has_microseconds(own.start_s) && own.shafts.are_finite();
+        if !are_possible || own.start_us > file.snapshot.time_us() {
             return Err(UnitError::State("its times make no sense".to_owned()));
         }
         Ok((UnitState { own, snapshot: file.snapshot }, phase))
     }
+}
+
+/// True if an `f64` near this time in seconds has a resolution of about a microsecond.
+fn has_microseconds(time_s: f64) -> bool {
+    time_s.abs() * MICROS <= LONGEST_US
 }

@@ -683,7 +683,7 @@ fn a_unit_runs_the_script_of_a_folder() {
     let mut unit = Unit::new(&Resources::of_directory(unpacked.path()).unwrap()).unwrap();
     let at = |unit: &Unit, name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
     let (data, count) = (at(&unit, "card.w_DATA"), at(&unit, "card.w_COUNT"));
-    unit.begin(0.0).unwrap();
+    unit.begin(0.0, None).unwrap();
     unit.set(data, VariableType::U16, Value::Integer(7)).unwrap();
     unit.step(0.0, 0.001).unwrap();
     assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(0)));
@@ -703,7 +703,7 @@ fn a_unit_runs_an_option_card() {
     let mut unit = Unit::new(&Resources::of_file(&plant, names).unwrap()).unwrap();
     let at = |unit: &Unit, name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
     let (data, count) = (at(&unit, "line:card1.w_DATA"), at(&unit, "line:card1.w_COUNT"));
-    unit.begin(0.0).unwrap();
+    unit.begin(0.0, None).unwrap();
     unit.set(data, VariableType::U16, Value::Integer(7)).unwrap();
     unit.step(0.0, 0.001).unwrap();
     assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(7)));

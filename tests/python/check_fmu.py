@@ -24,7 +24,7 @@ directory = fmpy.extract(sys.argv[1])
 class Machine:
     """An instance, with its variables by name."""
 
-    def __init__(self, name, start=0.0):
+    def __init__(self, name, start=0.0, stop=None):
         self.said = []
         self.unit = FMU3Slave(
             guid=description.guid,
@@ -34,7 +34,7 @@ class Machine:
         )
         log = lambda environment, status, category, text: self.said.append(text.decode())
         self.unit.instantiate(loggingOn=True, logMessage=log)
-        self.unit.enterInitializationMode(startTime=start)
+        self.unit.enterInitializationMode(startTime=start, stopTime=stop)
         self.unit.exitInitializationMode()
         self.start, self.us = start, 0
 
@@ -115,11 +115,11 @@ two.us, two.start = at, 0.0
 print("state", onwards(two) == first)
 
 
-def refused(what, *wanted):
+def refused(what, *wanted, by=two):
     try:
         what()
     except Exception:
-        assert all(text in two.said[-1] for text in wanted), two.said
+        assert all(text in by.said[-1] for text in wanted), by.said
         return
     raise AssertionError(f"not refused: {wanted}")
 
@@ -130,6 +130,12 @@ refused(lambda: two.unit.getUInt8([1 << 20]), "there is no variable")
 refused(lambda: two.unit.getUInt8([variables["node2.w_CPU_CONTROL"].valueReference]), "is of type UInt16")
 refused(lambda: two.unit.setUInt16([variables["node2.w_OPTION_STATUS"].valueReference], [1]), "is an output")
 refused(lambda: two.unit.deserializeFMUState(saved[:-9]), "no state")
+three = Machine("three", start=1.0, stop=1.005)
+three.to(5000)
+refused(lambda: three.to(6000), "a step ends at", "with the stop time 1.005 s", by=three)
+three.unit.reset()
+refused(lambda: three.unit.enterInitializationMode(startTime=1.0, stopTime=0.5), "must not be earlier", by=three)
+three.unit.freeInstance()
 print("refused")
 
 # Runs the loop of FMPy, and measures the real time for a minute of machine time.

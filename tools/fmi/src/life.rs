@@ -61,12 +61,12 @@ exported! {
         _has_tolerance: bool,
         _tolerance: f64,
         start: f64,
-        _has_stop: bool,
-        _stop: f64,
+        has_stop: bool,
+        stop: f64,
     ) -> Status {
         with(instance, |it| {
             it.is_in(&[Mode::Instantiated], "fmi3EnterInitializationMode")?;
-            it.unit.begin(start)?;
+            it.unit.begin(start, has_stop.then_some(stop))?;
             it.mode = Mode::Initializing;
             Ok(())
         })
