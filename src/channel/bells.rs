@@ -30,6 +30,10 @@ pub trait Bells {
 
     /// For the client: true if the emulator's process still runs. Called when a reply is late.
     fn emulator_alive(&self) -> bool;
+
+    /// For the client: true if the emulator to which these bells belong has ended in an orderly way, or another emulator has
+    /// taken its place. Called before each request, because an emulator that was started later uses the same channel.
+    fn emulator_has_ended(&self) -> bool;
 }
 
 impl<T: Bells + ?Sized> Bells for std::sync::Arc<T> {
@@ -55,5 +59,9 @@ impl<T: Bells + ?Sized> Bells for std::sync::Arc<T> {
 
     fn emulator_alive(&self) -> bool {
         (**self).emulator_alive()
+    }
+
+    fn emulator_has_ended(&self) -> bool {
+        (**self).emulator_has_ended()
     }
 }

@@ -174,6 +174,9 @@ impl Client {
         replies: &mut Vec<Reply>,
         is_working: &dyn Fn() -> bool,
     ) -> Result<(), ClientError> {
+        if self.bells.emulator_has_ended() {
+            return Err(self.gone());
+        }
         let send_error = |reason: String| ClientError::Send { instance: self.instance.clone(), reason };
         let request = self.port.loan_slice_uninit(ops.len()).map_err(|e| send_error(format!("{e:?}")))?;
         let request = request.write_from_fn(|i| ops.get(i).map(WireOp::from).unwrap_or_default());

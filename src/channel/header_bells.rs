@@ -57,4 +57,8 @@ impl Bells for HeaderBells {
         // The emulator itself always counts as running.
         self.attached.as_ref().is_none_or(Attached::is_alive)
     }
+
+    fn emulator_has_ended(&self) -> bool {
+        self.attached.as_ref().is_some_and(Attached::has_ended)
+    }
 }

@@ -158,6 +158,16 @@ impl Attached {
         self.file.is_alive(&self.header_snapshot())
     }
 
+    /// True if the emulator to which this client attached has ended, or another one has taken the image over. Needs no system
+    /// call, and so does not notice a killed emulator. The image must be attached for writing.
+    #[cfg(feature = "channel")]
+    pub(crate) fn has_ended(&self) -> bool {
+        self.header.as_ref().is_some_and(|header| {
+            header.generation.load() != self.generation
+                || State::from_code(header.state.load()).is_some_and(State::is_over)
+        })
+    }
+
     /// True if the emulator to which this client attached has ended, and could not save the changes that programs made
     /// in NOVRAM.
     #[must_use]

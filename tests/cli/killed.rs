@@ -91,6 +91,35 @@ fn a_client_that_waits_learns_that_another_emulator_runs() {
     assert!(output.status.code() == Some(3) && message.contains(&expected), "{message}");
 }
 
+/// A connection belongs to one emulator: the next one of this name may have another plant.
+#[test]
+fn a_connected_client_does_not_act_on_the_next_emulator() {
+    for is_killed in [false, true] {
+        let mut emulator = Emulator::stepped();
+        let mut command = emulator.command("shell", &[]);
+        let mut shell =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut input = shell.stdin.take().unwrap();
+        input.write_all(b"step(\"5ms\"); print(now());\n").unwrap();
+        let mut line = String::new();
+        BufReader::new(shell.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+        assert_eq!(line, "5000\n");
+        if is_killed {
+            emulator.kill();
+        } else {
+            stop(&mut emulator).0.ok();
+        }
+        let next = Emulator::start_with(&emulator.name, &["--clock", "stepped"], &[]);
+        input.write_all(b"poke(\"node2.w_CPU_CONTROL\", 1);\n").unwrap();
+        drop(input);
+        let output = shell.wait_with_output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        let expected = if is_killed { "another one runs now" } else { "has ended; start it again" };
+        assert!(output.status.code() == Some(3) && message.contains(expected), "{message}");
+        assert_eq!(next.peek(&["node2.w_CPU_CONTROL"]), "16#0000", "{is_killed}");
+    }
+}
+
 #[test]
 fn the_image_of_a_killed_emulator_can_be_read_but_not_used() {
     let mut emulator = Emulator::stepped();

@@ -21,7 +21,12 @@ class Emulator:
 
     def __init__(self, *arguments):
         self.name = f"py{os.getpid()}-{uuid.uuid4().hex[:8]}"
-        command = [PROGRAM, "run", *arguments, "-i", self.name]
+        self.arguments = arguments
+        self.start()
+
+    def start(self):
+        """Starts the instance, also once more after its end."""
+        command = [PROGRAM, "run", *self.arguments, "-i", self.name]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline()
         assert "ready" in ready, ready
@@ -37,6 +42,7 @@ class Emulator:
     def kill(self):
         self.process.kill()
         self.process.wait()
+        self.process.stdout.close()
 
     def stop(self):
         if self.process.poll() is None:

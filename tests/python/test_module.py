@@ -130,6 +130,19 @@ def test_a_killed_emulator_is_noticed(stepped):
         stepped.attach()
 
 
+@pytest.mark.skipif(not hasattr(commram, "connect"), reason="the module of an export has no channel")
+def test_a_connection_does_not_act_on_the_next_emulator(stepped):
+    with commram.connect(stepped.name) as connection:
+        connection.step("5ms")
+        stepped.kill()
+        stepped.start()
+        for act in (connection.now, lambda: connection.poke("node2.w_CPU_CONTROL", 1), lambda: connection.step("1ms")):
+            with pytest.raises(commram.Gone, match="another one runs now"):
+                act()
+    with stepped.attach() as ram:
+        assert ram["node2.w_CPU_CONTROL"] == 0
+
+
 @pytest.mark.skipif(hasattr(commram, "Emulator"), reason="the package maps nothing but images of instances")
 def test_an_invalid_image_is_refused_with_its_mistake(stepped, tmp_path):
     path = str(tmp_path / "image")

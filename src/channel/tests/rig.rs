@@ -89,6 +89,10 @@ impl Bells for FileBells {
         let pid = i32::try_from(self.emulator_pid()).unwrap();
         rustix::process::Pid::from_raw(pid).is_some_and(|pid| !is_gone(pid))
     }
+
+    fn emulator_has_ended(&self) -> bool {
+        false
+    }
 }
 
 /// True if a process has ended; a zombie has.

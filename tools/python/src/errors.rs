@@ -118,7 +118,9 @@ pub(crate) fn memory(error: &MemoryError) -> PyErr {
 pub(crate) fn client(error: &ClientError) -> PyErr {
     match error {
         ClientError::Refused(error) => refused(error),
-        ClientError::EmulatorGone { .. } | ClientError::Unanswered { .. } => of_class("Gone", error),
+        ClientError::EmulatorGone { .. } | ClientError::Replaced { .. } | ClientError::Unanswered { .. } => {
+            of_class("Gone", error)
+        }
         ClientError::Timeout { .. } => of_class("Timeout", error),
         _ => of_class("NotAttached", error),
     }
