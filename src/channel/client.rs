@@ -273,9 +273,12 @@ impl Client {
         self.gone()
     }
 
-    /// True if the emulator of this connection still runs. False if another emulator has taken the image over.
-    fn is_emulator_alive(&self) -> bool {
-        self.bells.emulator_pid() == self.pid && self.bells.emulator_alive()
+    /// True if the emulator of this connection still runs. False if another emulator has taken the image over. A client that
+    /// only uses what it has read from the emulator notices its end in no other way.
+    pub(crate) fn is_emulator_alive(&self) -> bool {
+        self.bells.emulator_pid() == self.pid
+            && !self.bells.emulator_has_ended()
+            && self.bells.emulator_alive()
     }
 
     fn gone(&self) -> ClientError {
@@ -294,12 +297,6 @@ impl Client {
 /// The functions for the web server.
 #[cfg(feature = "web")]
 impl Client {
-    /// True if the emulator of this connection still runs. A client that only uses what it has read from the emulator
-    /// notices its end in no other way.
-    pub(crate) fn is_served(&self) -> bool {
-        self.is_emulator_alive()
-    }
-
     /// True if another program has shortened a part of the channel. If the client then sends a request or
     /// leaves the channel, it may read zeros.
     pub(crate) fn is_shortened(&self) -> bool {

@@ -246,8 +246,8 @@ impl Shell {
         output::complain(&why);
         // The shell is connected to one emulator. If that emulator has ended or was replaced, the connection and the
         // variables of the shell are lost.
-        if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
-            self.lines = None;
+        if self.lines.take_if(|lines| !lines.is_there()).is_some() {
+            return LineResult::Failed(Exit::NotThere.code());
         }
         LineResult::Failed(exit.code())
     }

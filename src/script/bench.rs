@@ -156,6 +156,12 @@ impl Bench {
         Ok(bench)
     }
 
+    /// False if the plant belongs to a running instance whose emulator has ended, or was replaced by another one.
+    #[cfg(feature = "cli")]
+    pub(crate) fn is_there(&self) -> bool {
+        self.carrier.is_there()
+    }
+
     /// Hash over all journal records since power-on, equal for equal runs
     /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance, because its journal began
     /// earlier.

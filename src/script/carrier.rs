@@ -20,6 +20,11 @@ pub(super) trait Carrier: Send {
     /// There is no such PLC, or its RAM cannot be mapped.
     fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError>;
 
+    /// False if the emulator of a running instance has ended, or another one has replaced it.
+    fn is_there(&self) -> bool {
+        true
+    }
+
     /// Hash over all journal records since power-on; `None` if the plant belongs to another process.
     fn journal_hash(&self) -> Option<u64> {
         None

@@ -47,6 +47,12 @@ impl Lines {
         Self { engine, stage, scope, functions: AST::empty(), limits, directory: directory.to_owned() }
     }
 
+    /// False if the plant belongs to a running instance whose emulator has ended, or was replaced by another one.
+    #[cfg(feature = "cli")]
+    pub(crate) fn is_there(&self) -> bool {
+        self.stage.borrow().is_there()
+    }
+
     /// Runs a piece; returns its value, if it has one.
     ///
     /// # Errors

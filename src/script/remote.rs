@@ -35,6 +35,10 @@ impl Carrier for Remote {
         }
     }
 
+    fn is_there(&self) -> bool {
+        self.client.is_emulator_alive()
+    }
+
     fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError> {
         let name = self.plcs.get(plc.index()).map_or("", String::as_str);
         let (attached, _) = devices::attach(&self.instance, name, AttachMode::ReadWrite)?;

@@ -91,7 +91,7 @@ impl Session {
     /// True if the emulator of this connection still runs.
     #[cfg(feature = "web")]
     pub(crate) fn is_served(&self) -> bool {
-        matches!(&self.door, Access::Channel(client) if client.is_served())
+        matches!(&self.door, Access::Channel(client) if client.is_emulator_alive())
     }
 
     /// True if another program has shortened a part of the channel.
