@@ -21,6 +21,7 @@ pub(super) trait Carrier: Send {
     fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError>;
 
     /// False if the emulator of a running instance has ended, or another one has replaced it.
+    #[cfg(feature = "cli")]
     fn is_there(&self) -> bool {
         true
     }

@@ -35,6 +35,7 @@ impl Carrier for Remote {
         }
     }
 
+    #[cfg(feature = "cli")]
     fn is_there(&self) -> bool {
         self.client.is_emulator_alive()
     }

@@ -157,13 +157,13 @@ impl Stage {
         }
     }
 
-    /// Returns a failure at the present moment; `None` if the plant no longer answers.
     /// See [`Bench::is_there`].
     #[cfg(feature = "cli")]
     pub(crate) fn is_there(&self) -> bool {
         self.bench.as_ref().is_none_or(Bench::is_there)
     }
 
+    /// Returns a failure at the present moment; `None` if the plant no longer answers.
     pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
