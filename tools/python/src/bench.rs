@@ -4,6 +4,7 @@ use crate::errors;
 use crate::given::{Data, Plant, Time, ValueArgument};
 use crate::handle::Handle;
 use crate::instance;
+use crate::lock::{Guard, Lock};
 use crate::records::{Change, Fault, Finding, Frame, Record, frame, records};
 use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
@@ -14,12 +15,12 @@ use commram::layout::Fit;
 use commram::plant::PlantConfig;
 use commram::script::{Bench, Register as Found, ScenarioError, Span};
 use core::time::Duration;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Minimum emulated time, in microseconds, of a step that lets other threads run. For a shorter step, switching threads
 /// would cost more.
@@ -34,35 +35,48 @@ struct State {
 
 impl State {
     fn open(&mut self) -> PyResult<&mut Bench> {
-        self.bench.as_mut().ok_or_else(closed)
+        self.bench.as_mut().ok_or_else(errors::closed)
     }
 
     fn found(&mut self, name: &str) -> PyResult<(&mut Bench, &Found)> {
-        let bench = self.bench.as_mut().ok_or_else(closed)?;
+        let bench = self.bench.as_mut().ok_or_else(errors::closed)?;
         if !self.found.contains_key(name) {
             let found = bench.find(name).map_err(errors::of)?;
             self.found.insert(name.to_owned(), found);
         }
-        self.found.get(name).map(|found| (bench, found)).ok_or_else(closed)
+        self.found.get(name).map(|found| (bench, found)).ok_or_else(errors::closed)
     }
-}
-
-fn closed() -> PyErr {
-    errors::of_class("Error", "this is closed; make a new one")
 }
 
 /// A plant or a running instance. Every thread may use it: requests of several threads run one after the other.
 #[pyclass(name = "Bench", module = "commram._native", subclass, frozen)]
 pub(crate) struct PyBench {
-    state: Mutex<State>,
+    state: Lock<State>,
     /// True if requests go to another process and take time.
     is_remote: bool,
+    /// True if this was closed by a signal handler during a verb. The end of the verb then closes it.
+    is_closing: Arc<AtomicBool>,
+}
+
+/// The state of a plant or connection while a verb uses it.
+struct Held<'a> {
+    py: Python<'a>,
+    state: Guard<'a, State>,
+    is_closing: &'a AtomicBool,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        if self.is_closing.swap(false, Ordering::Relaxed) {
+            let bench = self.state.bench.take();
+            self.py.detach(|| drop(bench));
+        }
+    }
 }
 
 impl PyBench {
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, State>> {
-        let lost = "a verb has panicked; this cannot be used any more";
-        self.state.lock_py_attached(py).map_err(|_| PyRuntimeError::new_err(lost))
+    fn lock<'a>(&'a self, py: Python<'a>) -> PyResult<Held<'a>> {
+        Ok(Held { py, state: self.state.lock(py)?, is_closing: &self.is_closing })
     }
 
     /// Runs a short operation.
@@ -77,7 +91,7 @@ impl PyBench {
         if self.is_remote {
             return self.take(py, act, errors::of);
         }
-        act(self.lock(py)?.open()?).map_err(errors::of)
+        act(self.lock(py)?.state.open()?).map_err(errors::of)
     }
 
     /// Runs a long operation. Other threads can run during this time.
@@ -87,8 +101,8 @@ impl PyBench {
         act: impl FnOnce(&mut Bench) -> Result<R, ScenarioError> + Send,
         error: fn(ScenarioError) -> PyErr,
     ) -> PyResult<R> {
-        let mut state = self.lock(py)?;
-        let bench = state.open()?;
+        let mut held = self.lock(py)?;
+        let bench = held.state.open()?;
         py.detach(|| act(bench)).map_err(error)
     }
 
@@ -119,37 +133,46 @@ impl PyBench {
         let mut bench = bench?;
         // A limit is not necessary: a test ends by itself, or its runner ends it.
         bench.set_limit(u64::MAX);
-        bench.set_interrupt(errors::is_interrupted);
+        let is_closing = Arc::new(AtomicBool::new(false));
+        let closes = Arc::clone(&is_closing);
+        bench.set_interrupt(move || errors::is_interrupted() || closes.load(Ordering::Relaxed));
         let state = State { bench: Some(bench), found: HashMap::new() };
-        Ok(Self { state: Mutex::new(state), is_remote })
+        Ok(Self { state: Lock::new(state), is_remote, is_closing })
     }
 
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        let bench = self.lock(py)?.bench.take();
+        if self.state.is_held_here() {
+            self.is_closing.store(true, Ordering::Relaxed);
+            return Ok(());
+        }
+        let bench = self.lock(py)?.state.bench.take();
         py.detach(|| drop(bench));
         Ok(())
     }
 
     #[getter]
     fn closed(&self, py: Python<'_>) -> PyResult<bool> {
-        Ok(self.lock(py)?.bench.is_none())
+        if self.state.is_held_here() {
+            return Ok(self.is_closing.load(Ordering::Relaxed));
+        }
+        Ok(self.lock(py)?.state.bench.is_none())
     }
 
     #[getter]
     fn plcs(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        Ok(self.lock(py)?.open()?.names().plcs.clone())
+        Ok(self.lock(py)?.state.open()?.names().plcs.clone())
     }
 
     #[getter]
     fn buses(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        Ok(self.lock(py)?.open()?.names().buses.clone())
+        Ok(self.lock(py)?.state.open()?.names().buses.clone())
     }
 
     /// Returns the names of all registers, or of those of one area.
     #[pyo3(signature = (area = None))]
     fn names(&self, py: Python<'_>, area: Option<&str>) -> PyResult<Vec<String>> {
-        let mut state = self.lock(py)?;
-        let names = state.open()?.names();
+        let mut held = self.lock(py)?;
+        let names = held.state.open()?.names();
         let mut all = Vec::new();
         for (plc, fitted) in names.devices.iter().enumerate() {
             let prefix = prefix(&names.plcs, plc);
@@ -165,20 +188,20 @@ impl PyBench {
 
     /// Returns the description of a register.
     fn register(&self, py: Python<'_>, name: &str) -> PyResult<Register> {
-        let mut state = self.lock(py)?;
-        let (bench, found) = state.found(name)?;
+        let mut held = self.lock(py)?;
+        let (bench, found) = held.state.found(name)?;
         let fitted = bench.names().fitted(found.plc());
         register_of(fitted, found.place().clone(), name)
     }
 
     fn handle(slf: Py<Self>, py: Python<'_>, name: &str) -> PyResult<Handle> {
-        let found = slf.get().lock(py)?.found(name)?.1.clone();
+        let found = slf.get().lock(py)?.state.found(name)?.1.clone();
         Ok(Handle::new(slf, found, name))
     }
 
     fn peek(&self, py: Python<'_>, register: &str) -> PyResult<i64> {
-        let mut state = self.lock(py)?;
-        let (bench, found) = state.found(register)?;
+        let mut held = self.lock(py)?;
+        let (bench, found) = held.state.found(register)?;
         if self.is_remote {
             return py.detach(|| bench.peek_at(found)).map_err(errors::of);
         }
@@ -186,8 +209,8 @@ impl PyBench {
     }
 
     fn poke(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
-        let mut state = self.lock(py)?;
-        let (bench, found) = state.found(register)?;
+        let mut held = self.lock(py)?;
+        let (bench, found) = held.state.found(register)?;
         if self.is_remote {
             return py.detach(|| bench.poke_at(found, value.0)).map_err(errors::of);
         }
@@ -330,7 +353,7 @@ impl PyBench {
     }
 
     fn section(&self, py: Python<'_>, text: &str) -> PyResult<()> {
-        self.lock(py)?.open()?.section(text);
+        self.lock(py)?.state.open()?.section(text);
         Ok(())
     }
 
@@ -516,8 +539,8 @@ impl PyBench {
 
     /// Returns the name of the PLC, and the place of an array in its memory.
     fn array_of(&self, py: Python<'_>, name: &str) -> PyResult<(String, Array)> {
-        let mut state = self.lock(py)?;
-        let names = state.open()?.names();
+        let mut held = self.lock(py)?;
+        let names = held.state.open()?.names();
         let (plc, _) = commram::layout::split_plc(name);
         let number = plc.map_or(Some(0), |plc| names.plcs.iter().position(|known| known == plc));
         let number = number.map_or(DeviceIndex(u16::MAX), DeviceIndex::at);

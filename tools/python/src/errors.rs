@@ -24,9 +24,15 @@ pub(crate) fn is_interrupted() -> bool {
     is_raised
 }
 
-/// Returns the exception of the signal handler.
+/// Returns the exception of a verb that has ended early: that of the signal handler, or that of a closed plant if the
+/// handler has closed the plant and raised none.
 pub(crate) fn interrupt() -> PyErr {
-    RAISED.take().unwrap_or_else(|| pyo3::exceptions::PyKeyboardInterrupt::new_err(()))
+    RAISED.take().unwrap_or_else(closed)
+}
+
+/// Returns the exception for the use of a closed plant or connection.
+pub(crate) fn closed() -> PyErr {
+    of_class("Error", "this is closed; make a new one")
 }
 
 /// Returns an exception of the class of this name.

@@ -48,8 +48,9 @@ impl PyImage {
     }
 
     fn find(&self, name: &str) -> PyResult<Arc<NamedLocation>> {
-        let mut found = self.found.lock().unwrap_or_else(|error| error.into_inner());
-        if let Some(place) = found.get(name) {
+        // Errors are made without the lock, because code of a finalizer, which uses this object too, may run meanwhile.
+        let found = || self.found.lock().unwrap_or_else(|error| error.into_inner());
+        if let Some(place) = found().get(name) {
             return Ok(Arc::clone(place));
         }
         let place = NamedLocation::parse(&self.fitted, name)
@@ -60,7 +61,7 @@ impl PyImage {
             return Err(errors::of_class("UnknownName", text));
         }
         let place = Arc::new(place);
-        found.insert(name.to_owned(), Arc::clone(&place));
+        found().insert(name.to_owned(), Arc::clone(&place));
         Ok(place)
     }
 
@@ -214,7 +215,7 @@ impl PyImage {
             loop {
                 let left = whole.saturating_sub(start.elapsed());
                 match attached.wait_register(place.offset(), place.width(), left.min(SLICE), is_it) {
-                    Err(MemoryError::RegisterTimeout { .. }) if errors::is_interrupted() => {
+                    Err(MemoryError::RegisterTimeout { .. }) if errors::is_interrupted() || self.closed() => {
                         return Err(errors::interrupt());
                     }
                     Err(MemoryError::RegisterTimeout { .. }) if start.elapsed() < whole => {}

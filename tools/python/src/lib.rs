@@ -9,6 +9,7 @@ mod given;
 mod handle;
 mod image;
 mod instance;
+mod lock;
 mod records;
 mod register;
 mod snapshot;

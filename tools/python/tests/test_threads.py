@@ -93,3 +93,69 @@ def test_ctrl_c_ends_a_wait_on_running_instances(start):
     interrupted(attach, "plant.wait('node2.w_OPTION_STATUS', 2, timeout=3600)")
     interrupted(attach, "plant.wait('node2.w_OPTION_STATUS', lambda value: False, timeout=3600)")
     interrupted(connect, "plant.wait('node2.w_OPTION_STATUS', 2, 3_600_000_000)")
+
+
+HANDLED = """
+import signal, sys, commram
+{make}
+def handle(number, frame):
+    {handle}
+signal.signal(signal.SIGALRM, handle)
+signal.setitimer(signal.ITIMER_REAL, 0.2)
+try:
+    {wait}
+except BaseException as error:
+    print(type(error).__name__, error)
+print(plant.closed)
+"""
+MAKE, STEP = "plant = commram.Emulator()", f"plant.step({LONG_US})"
+BUSY = "Error this is busy: a signal handler or finalizer cannot use it during a verb of its thread; "
+CLOSED = "Error this is closed; make a new one"
+
+
+def handled(handle, make=MAKE, wait=STEP):
+    code = HANDLED.format(make=make, handle=handle, wait=wait)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize(
+    "handle",
+    [
+        "plant.poke('node2.b_BT_1', 3)",
+        "plant.node2.b_BT_1",
+        "plant.handle('node2.b_BT_1')",
+        "plant.now()",
+        "plant.plcs",
+        "plant.step('1ms')",
+    ],
+)
+def test_a_signal_handler_is_refused_the_plant_of_the_interrupted_verb(handle):
+    refusal, closed = handled(handle)
+    assert refusal.startswith(BUSY) and closed == "False"
+
+
+def test_a_signal_handler_can_describe_the_plant_of_the_interrupted_verb():
+    lines = handled("print(repr(plant), plant.closed); raise KeyboardInterrupt('enough')")
+    assert lines == ["<Emulator, busy> False", "KeyboardInterrupt enough", "False"]
+
+
+@pytest.mark.parametrize(
+    "wait",
+    [STEP, f"plant.wait('node2.w_OPTION_STATUS', 0x0080, {LONG_US})", f"plant.wait_until(lambda: False, {LONG_US})"],
+)
+def test_a_signal_handler_that_closes_a_plant_ends_the_verb(wait):
+    assert handled("plant.close(); print(plant.closed)", wait=wait) == ["True", CLOSED, "True"]
+    assert handled("plant.close(); sys.exit(7)", wait=wait) == ["SystemExit 7", "True"]
+
+
+def test_a_signal_handler_may_use_and_close_a_connection(start):
+    name, stepped = start(), start("--clock", "stepped")
+    connect = f"plant = commram.connect({name!r})"
+    wait = "plant.wait('node2.w_OPTION_STATUS', 2, 3_600_000_000)"
+    assert handled("plant.now()", connect, wait)[0].startswith(BUSY)
+    assert handled("plant.close()", connect, wait) == [CLOSED, "True"]
+    assert handled("plant.close()", f"plant = commram.connect({stepped!r})") == [CLOSED, "True"]
+    attach, wait = f"plant = commram.attach({name!r})", "plant.wait('node2.w_OPTION_STATUS', 2, timeout=3600)"
+    assert handled("plant.close()", attach, wait) == [CLOSED, "True"]

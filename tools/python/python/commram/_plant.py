@@ -7,6 +7,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from . import _native
+from ._errors import Error
 from ._registers import Registers
 
 if TYPE_CHECKING:
@@ -38,7 +39,13 @@ class Emulator(Plant):
         return super().__new__(cls, plant)
 
     def __repr__(self) -> str:
-        return "<Emulator, closed>" if self.closed else f"<Emulator of {', '.join(self.plcs)} at {self.now()} us>"
+        if self.closed:
+            return "<Emulator, closed>"
+        try:
+            return f"<Emulator of {', '.join(self.plcs)} at {self.now()} us>"
+        except Error:
+            # This thread is in a verb, and a signal handler asks.
+            return "<Emulator, busy>"
 
 
 class Connection(Plant):
