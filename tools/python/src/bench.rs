@@ -56,6 +56,17 @@ pub(crate) struct PyBench {
     is_remote: bool,
     /// True if this was closed by a signal handler during a verb. The end of the verb then closes it.
     is_closing: Arc<AtomicBool>,
+    /// The process that made this.
+    process: u32,
+}
+
+impl Drop for PyBench {
+    fn drop(&mut self) {
+        if self.is_of_parent() {
+            // The connection stays with the process that made it. To end it here would remove its files.
+            core::mem::forget(self.state.get_mut().bench.take());
+        }
+    }
 }
 
 /// The state of a plant or connection while a verb uses it.
@@ -75,7 +86,19 @@ impl Drop for Held<'_> {
 }
 
 impl PyBench {
+    /// True if this is a connection, and this process is a fork of the process that made it.
+    fn is_of_parent(&self) -> bool {
+        self.is_remote && std::process::id() != self.process
+    }
+
     fn lock<'a>(&'a self, py: Python<'a>) -> PyResult<Held<'a>> {
+        if self.is_of_parent() {
+            let text = format!(
+                "this connection belongs to process {}; connect again in a forked process",
+                self.process
+            );
+            return Err(errors::of_class("Error", text));
+        }
         Ok(Held { py, state: self.state.lock(py)?, is_closing: &self.is_closing })
     }
 
@@ -137,10 +160,13 @@ impl PyBench {
         let closes = Arc::clone(&is_closing);
         bench.set_interrupt(move || errors::is_interrupted() || closes.load(Ordering::Relaxed));
         let state = State { bench: Some(bench), found: HashMap::new() };
-        Ok(Self { state: Lock::new(state), is_remote, is_closing })
+        Ok(Self { state: Lock::new(state), is_remote, is_closing, process: std::process::id() })
     }
 
     fn close(&self, py: Python<'_>) -> PyResult<()> {
+        if self.is_of_parent() {
+            return Ok(());
+        }
         if self.state.is_held_here() {
             self.is_closing.store(true, Ordering::Relaxed);
             return Ok(());

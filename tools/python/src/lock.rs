@@ -10,7 +10,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use std::ops::{Deref, DerefMut};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 thread_local! {
     /// A variable of each thread; its address identifies the thread.
@@ -37,6 +37,11 @@ pub(crate) struct Guard<'a, T> {
 impl<T> Lock<T> {
     pub(crate) fn new(value: T) -> Self {
         Self { value: Mutex::new(value), holder: AtomicUsize::new(0) }
+    }
+
+    /// Returns the value, which no other code can lock now.
+    pub(crate) fn get_mut(&mut self) -> &mut T {
+        self.value.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// True if this thread holds the lock.

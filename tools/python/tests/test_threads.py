@@ -159,3 +159,28 @@ def test_a_signal_handler_may_use_and_close_a_connection(start):
     assert handled("plant.close()", f"plant = commram.connect({stepped!r})") == [CLOSED, "True"]
     attach, wait = f"plant = commram.attach({name!r})", "plant.wait('node2.w_OPTION_STATUS', 2, timeout=3600)"
     assert handled("plant.close()", attach, wait) == [CLOSED, "True"]
+
+
+FORKED = """
+import os, sys, commram
+plant = commram.connect({name!r})
+child = os.fork()
+if child == 0:
+    try:
+        plant.now()
+    except commram.Error as error:
+        print(type(error).__name__, error, flush=True)
+    {end}
+    sys.exit(0)
+print(os.waitpid(child, 0)[1])
+print(plant.peek("node2.w_OPTION_STATUS"))
+"""
+
+
+@pytest.mark.parametrize("end", ["plant.close()", "plant = None", "pass"])
+def test_a_connection_outlives_a_forked_process(start, end):
+    code = FORKED.format(name=start("--clock", "stepped"), end=end)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    lines = done.stdout.splitlines()
+    assert done.stderr == "" and lines[0].startswith("Error this connection belongs to process "), done
+    assert lines[1:] == ["0", "1"]
