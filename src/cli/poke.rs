@@ -78,22 +78,17 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
     replies.extend(session.request_in_parts(rest)?);
+    let forces = replies.pop().ok_or(WrongReply)?.forces()?;
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
     let mut replies = replies.into_iter();
     for (store, reply) in stores.iter().zip(replies.by_ref()) {
         store.complete(&session, reply)?;
     }
-    for ((place, _), status) in writes.iter().zip(statuses) {
+    for (((place, _), status), store) in writes.iter().zip(statuses).zip(&stores) {
         let status = status.and_then(|_| replies.next()).map(Reply::value).transpose()?;
-        note_if_firmwares(place, status);
-    }
-    let forces = replies.next().ok_or(WrongReply)?.forces()?;
-    for ((place, _), store) in writes.iter().zip(&stores) {
-        if forces.iter().any(|forced| store.is_to(forced)) {
-            let name = place.label(place.last_phase());
-            super::output::note(&format!(
-                "{name} is forced and keeps its value; `commram unforce` releases it"
-            ));
+        match forces.iter().any(|forced| store.is_to(forced)) {
+            true => note_forced(place, status),
+            false => note_if_firmwares(place, status),
         }
     }
     Ok(())
@@ -105,6 +100,12 @@ fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, C
     let Some(status) = place.status() else { return Ok(None) };
     let address = status.address();
     Ok(Some(Op::Peek { plc: session.plc_of(place)?, offset: address.offset(), width: address.width() }))
+}
+
+/// Prints a note that the register is forced.
+fn note_forced(place: &NamedLocation, status: Option<u32>) {
+    let name = place.label(place.phase(status));
+    super::output::note(&format!("{name} is forced and keeps its value; `commram unforce` releases it"));
 }
 
 /// Prints a note if only the firmware writes the register.

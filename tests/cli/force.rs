@@ -7,7 +7,9 @@ fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
     let emulator = Emulator::stepped();
     emulator.breaks(&["owner"]);
     emulator.run("force", &["node2.w_OPTION_STATUS=16#0080", "node2.w_CANsync_STATUS=16#00FF"]).ok();
-    emulator.poke(&["node2.w_OPTION_STATUS=16#0001", "node2.w_CPU_CONTROL=16#0001"]);
+    let poked = emulator.run("poke", &["node2.w_OPTION_STATUS=16#0001", "node2.w_CPU_CONTROL=16#0001"]);
+    let note = "commram: note: node2.w_OPTION_STATUS (%MW3.200002) is forced and keeps its value; `commram unforce` releases it\n";
+    assert_eq!((poked.code, poked.err.as_str()), (Some(0), note));
     emulator.step(&["10ms"]);
     let marked = "node2.w_OPTION_STATUS = 16#0080  [forced] synchronous operation of the master is active\n";
     assert_eq!(emulator.run("peek", &["node2.w_OPTION_STATUS"]).ok(), marked);
