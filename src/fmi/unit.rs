@@ -5,7 +5,7 @@ use super::values::{Shafts, Value};
 use super::variables::{Quantity, ShaftValue, Variable, VariableType, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
-use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
+use crate::plant::{LATEST_US, Plant, Snapshot, SnapshotError, SnapshotFile};
 use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, seal, unseal};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
@@ -23,7 +23,7 @@ const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 const MICROS: f64 = 1e6;
 /// Latest time that a step may reach. Up to this time, an `f64` has each number of microseconds, and seconds with a
 /// resolution of 2 microseconds.
-const LONGEST_US: f64 = 9e15;
+const LONGEST_US: f64 = LATEST_US as f64;
 /// The caller adds up its steps, so its times may differ by this from those of the unit, because of rounding.
 const TOLERANCE_US: f64 = 1.0;
 

@@ -55,6 +55,10 @@ use worker_pool::WorkerPool;
 /// for some time.
 const TRIES: u32 = 4;
 
+/// Latest emulated time of a snapshot, in microseconds: 9e9 s, 285 years. Buses calculate with nanoseconds, and many times
+/// are sums of the present time and a duration.
+pub(crate) const LATEST_US: u64 = 9_000_000_000 * 1_000_000;
+
 /// The whole simulation, with its clock and its journal.
 pub struct Plant {
     now: u64,

@@ -11,7 +11,7 @@ mod tests;
 pub use file::{SnapshotFile, SnapshotFileError};
 
 use super::history::phase_in;
-use super::{Plant, PlantConfig};
+use super::{LATEST_US, Plant, PlantConfig};
 use crate::devices::{self, Device};
 use crate::identity::DeviceIndex;
 use crate::journal::{Origin, PortPhase, Rings};
@@ -334,7 +334,7 @@ impl Plant {
         (self.now, self.next_cycle, self.next_device) = from.value()?;
         (self.has_looked, self.is_seen) = (false, false);
         let is_next = self.next_cycle > self.now && self.next_cycle - self.now <= self.cycle_us;
-        from.check(is_next, "time of the next processor cycle")?;
+        from.check(is_next && self.now <= LATEST_US, "time of the plant and of its next processor cycle")?;
         for device in &self.devices {
             device.segment().restore_registers(&registers_of(&**device), from)?;
             device.header().restore(from)?;

@@ -175,3 +175,23 @@ fn a_state_that_makes_no_sense_is_refused_or_runs() {
         assert!(plant.snapshot() == good);
     }
 }
+
+/// The checksum is correct, and only the time of the plant is wrong.
+#[test]
+fn a_state_that_is_too_late_is_refused() {
+    let mut plant = plant(templates().next().unwrap());
+    plant.advance_to(1_000);
+    let good = plant.snapshot();
+    let head = |now: u64, next_device: u64| {
+        let mut head = Saving::default();
+        head.value(&(now, now + 500, next_device));
+        head.into_bytes()
+    };
+    let begin = head(1_000, plant.next_device);
+    assert!(good.state.starts_with(&begin));
+    for (now, is_right) in [(LATEST_US, true), (LATEST_US + 1, false), (u64::MAX - 500, false)] {
+        let mut bad = good.clone();
+        bad.state.splice(..begin.len(), head(now, u64::MAX));
+        assert_eq!(runs_or_is_refused(&mut plant, &good, &bad), is_right, "{now}");
+    }
+}
