@@ -53,6 +53,35 @@ def test_a_failure_has_the_journal(suite):
     )
 
 
+def test_a_closed_plant_is_checked_too(suite):
+    result = suite(
+        """
+        def test_finding(commram):
+            commram.poke("node2.w_CPU_CONTROL", 2)
+            commram.step("1ms")
+            commram.close()
+
+        def test_required(commram):
+            with commram as plant:
+                plant.fault("lose_frame id=16#7FF required")
+                plant.step("1ms")
+
+        def test_own_error(commram):
+            with commram as plant:
+                plant.poke("node2.w_CPU_CONTROL", 2)
+                plant.step("1ms")
+                raise KeyError("own")
+
+        def test_right(commram):
+            with commram as plant:
+                plant.step("1ms")
+            commram.close()
+        """
+    )
+    result.assert_outcomes(passed=1, failed=3)
+    result.stdout.fnmatch_lines(["*FAILED *test_finding*", "*FAILED *test_required*", "*FAILED *own_error - KeyError*"])
+
+
 def test_findings_fail_the_test_unless_they_are_allowed(suite):
     result = suite(
         """

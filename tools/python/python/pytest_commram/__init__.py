@@ -5,16 +5,17 @@ It stands beside the package, not in it: pytest loads it at its start, also wher
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
-    from commram import Emulator
+    from commram import Emulator, Failed
 
 _PLANT = pytest.StashKey["Emulator"]()
+_CHECK = pytest.StashKey[Callable[[], None]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -69,8 +70,30 @@ def commram(request: pytest.FixtureRequest) -> Generator[Emulator, None, None]:
             f"directory out of PYTHONPATH: the package can do all that the module does"
         )
     item = request.node
-    with package.Emulator(_plant(item)) as plant:
-        item.stash[_PLANT] = plant
+
+    class FixturePlant(package.Emulator):
+        """The plant of a test, which is also checked if the test closes it."""
+
+        failure: Failed | None = None
+
+        def check(self) -> None:
+            if self.failure is not None:
+                raise self.failure
+            if not self.closed:
+                self.expect_no_findings(list(_marked(item, "findings") or ()))
+                self.expect_required_faults()
+
+        def close(self) -> None:
+            try:
+                self.check()
+            except package.Failed as failure:
+                # Raised after the test, so that it hides no error of the test.
+                self.failure = failure
+            finally:
+                super().close()
+
+    with FixturePlant(_plant(item)) as plant:
+        item.stash[_PLANT], item.stash[_CHECK] = plant, plant.check
         yield plant
 
 
@@ -78,10 +101,9 @@ def commram(request: pytest.FixtureRequest) -> Generator[Emulator, None, None]:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     result = yield
     # Checked in the call, not at the end of the fixture: so pytest reports a failed test, not an additional error.
-    plant = item.stash.get(_PLANT, None)
-    if plant is not None and not plant.closed:
-        plant.expect_no_findings(list(_marked(item, "findings") or ()))
-        plant.expect_required_faults()
+    check = item.stash.get(_CHECK, None)
+    if check is not None:
+        check()
     return result
 
 
