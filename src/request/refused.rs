@@ -91,13 +91,17 @@ impl Code {
     pub const UNKNOWN_DRIVE: Self = Self(42);
     /// The drive refuses the parameter, or this value of the parameter.
     pub const PARAMETER: Self = Self(43);
-    /// The drive cannot change a parameter now: it has no supply, or is recalculating the parameter.
+    /// The operation is not possible now: the drive has no supply or is recalculating the parameter, or other clients keep
+    /// all snapshots.
     pub const NOT_NOW: Self = Self(44);
 
     /// True if no state of the plant permits the operation. False if another state may permit it.
     pub fn is_wrong_use(self) -> bool {
-        const STATES: [Code; 10] = [
+        const STATES: [Code; 13] = [
             Code::QUEUE_FULL,
+            Code::TOO_MANY_FAULTS,
+            Code::TOO_MANY_FOLLOWED,
+            Code::TOO_MANY_FORCES,
             Code::NOT_IN_TIME,
             Code::NO_SYNC,
             Code::START_REFUSED,

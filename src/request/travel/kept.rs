@@ -45,10 +45,21 @@ impl KeptSnapshots {
     /// # Errors
     /// The maximum number of snapshots, or of their bytes, is reached.
     pub(super) fn keep(&mut self, client: u128, plant: &Plant) -> Result<u32, Refused> {
-        const REMEDY: &str = "in a scenario, keep the number of an earlier save() and go back to that, or split the \
-            scenario; another client can forget one (operation `forget`)";
         let count = self.by_number.len();
-        let full = |what: String| Refused::new(Code::SNAPSHOT, format_args!("{what}: {REMEDY}"));
+        let others = self.by_number.values().filter(|kept| kept.client != client).count();
+        let full = |what: String| match others {
+            0 => Refused::new(
+                Code::SNAPSHOT,
+                format_args!(
+                    "{what}: in a scenario, keep the number of an earlier save() and go back to that, or split the \
+                     scenario; another client can forget one (operation `forget`)"
+                ),
+            ),
+            _ => Refused::new(
+                Code::NOT_NOW,
+                format_args!("{what}: other clients keep {others} of them until they end or forget them"),
+            ),
+        };
         if count >= MAX_KEPT {
             return Err(full(format!("{MAX_KEPT} snapshots are kept, which is the maximum")));
         }
