@@ -40,8 +40,14 @@ impl Run {
     }
 
     /// Executes `ops`, beginning with the operation at which the last call stopped. Each operation is read
-    /// only once, so changes by a hostile client have no effect.
-    pub(crate) fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
+    /// only once, so changes by a hostile client have no effect. An operation that would take long without a pause ends
+    /// if `is_awaited` returns false: the client no longer waits for the reply.
+    pub(crate) fn go(
+        &mut self,
+        host: &mut dyn Host,
+        ops: &[WireOp],
+        is_awaited: &mut dyn FnMut() -> bool,
+    ) -> Progress {
         if ops.len() > MAX_OPS {
             let count = ops.len();
             let text = format_args!("{count} operations in one request are too many, at most {MAX_OPS}");
@@ -51,17 +57,22 @@ impl Run {
         if self.next == 0 && !self.execution.is_under_way() {
             host.begin_request();
         }
-        self.resume(host, ops)
+        self.resume(host, ops, is_awaited)
     }
 
     /// Executes operations that only read, while another request is in progress. Does not call [`Host::begin_request`].
     pub(crate) fn look(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
-        self.resume(host, ops)
+        self.resume(host, ops, &mut || true)
     }
 
-    fn resume(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
+    fn resume(
+        &mut self,
+        host: &mut dyn Host,
+        ops: &[WireOp],
+        is_awaited: &mut dyn FnMut() -> bool,
+    ) -> Progress {
         while let Some(wire) = ops.get(self.next) {
-            match self.execute(host, *wire) {
+            match self.execute(host, *wire, is_awaited) {
                 Ok(Progress::Done) => self.next += 1,
                 Ok(Progress::Waiting) => return Progress::Waiting,
                 Err(refused) => {
@@ -104,7 +115,12 @@ impl Run {
         ops.len() <= MAX_OPS && ops.iter().all(|op| Op::try_from(*op).is_ok_and(|op| op.only_looks()))
     }
 
-    fn execute(&mut self, host: &mut dyn Host, wire: WireOp) -> Result<Progress, Refused> {
+    fn execute(
+        &mut self,
+        host: &mut dyn Host,
+        wire: WireOp,
+        is_awaited: &mut dyn FnMut() -> bool,
+    ) -> Result<Progress, Refused> {
         let op = Op::try_from(wire).map_err(|bad| {
             let index = self.next;
             let text = format_args!(
@@ -112,7 +128,8 @@ impl Run {
             );
             Refused::new(Code::MALFORMED, text)
         })?;
-        let Some(reply) = self.execution.run(host, &op)? else { return Ok(Progress::Waiting) };
+        let reply = self.execution.run_while(host, &op, is_awaited)?;
+        let Some(reply) = reply else { return Ok(Progress::Waiting) };
         self.replies.push(&reply)?;
         Ok(Progress::Done)
     }

@@ -27,7 +27,7 @@ use iceoryx2::prelude::{CallbackProgression, Node, PortFactory};
 use opening::{OpenFailure, need_room, ports};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
 type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
@@ -212,16 +212,7 @@ impl Server {
 
     /// Returns the numbers of the connected clients on nodes for which `is_wanted` is true.
     fn clients(&self, is_wanted: impl Fn(UniqueNodeId) -> bool) -> Vec<u128> {
-        let mut clients = Vec::new();
-        if let Some(service) = &self.service {
-            service.dynamic_config().list_clients(|client| {
-                if is_wanted(client.node_id) {
-                    clients.push(client.client_id.value());
-                }
-                CallbackProgression::Continue
-            });
-        }
-        clients
+        clients_of(self.service.as_ref(), is_wanted)
     }
 
     /// Returns the number of the process of a client; `None` if the client has disconnected.
@@ -241,7 +232,13 @@ impl Server {
     fn resume(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
-            if !host.may_act() || run.go(host, request.payload()) == Progress::Waiting {
+            if !host.may_act() {
+                break;
+            }
+            let mut is_awaited = is_awaited(request, &self.domain, self.service.as_ref());
+            let progress = run.go(host, request.payload(), &mut is_awaited);
+            drop(is_awaited);
+            if progress == Progress::Waiting {
                 break;
             }
             let (request, run) = self.waiting.remove(0);
@@ -257,7 +254,8 @@ impl Server {
         let mut answered = 0;
         let mut at = 0;
         while let Some((request, run)) = self.waiting.get_mut(at) {
-            if run.go(host, request.payload()) == Progress::Waiting {
+            // In real time, no operation takes long.
+            if run.go(host, request.payload(), &mut || true) == Progress::Waiting {
                 at += 1;
                 continue;
             }
@@ -280,7 +278,8 @@ impl Server {
                 run.set_process(self.process_of(request.origin()));
             }
             let progress = if !host.is_stepped() || self.waiting.is_empty() && host.may_act() {
-                run.go(host, request.payload())
+                let mut is_awaited = is_awaited(&request, &self.domain, self.service.as_ref());
+                run.go(host, request.payload(), &mut is_awaited)
             } else if Run::only_looks(request.payload()) {
                 run.look(host, request.payload())
             } else {
@@ -374,8 +373,54 @@ impl std::fmt::Debug for Server {
     }
 }
 
+/// Returns the numbers of the connected clients on nodes for which `is_wanted` is true.
+fn clients_of(service: Option<&Service<Ipc>>, is_wanted: impl Fn(UniqueNodeId) -> bool) -> Vec<u128> {
+    let mut clients = Vec::new();
+    if let Some(service) = service {
+        service.dynamic_config().list_clients(|client| {
+            if is_wanted(client.node_id) {
+                clients.push(client.client_id.value());
+            }
+            CallbackProgression::Continue
+        });
+    }
+    clients
+}
+
+/// Returns a function for an operation during which the server does not poll. The function returns false from the moment
+/// on at which the client of `request` has given up or died.
+fn is_awaited<'a>(
+    request: &'a Request,
+    domain: &'a Domain,
+    service: Option<&'a Service<Ipc>>,
+) -> impl FnMut() -> bool {
+    let (mut asked, mut is_alive, mut can_ask) = (None::<Instant>, true, true);
+    move || {
+        if !is_alive || !request.is_connected() {
+            return false;
+        }
+        if can_ask && asked.get_or_insert_with(Instant::now).elapsed() >= INTERVAL {
+            let domain = domain.clone();
+            match limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()) {
+                Ok(dead) => {
+                    let dead = clients_of(service, |node| dead.contains(&node));
+                    is_alive = !dead.contains(&request.origin().value());
+                }
+                // In a damaged channel the query may not return, so it is not repeated.
+                Err(_) => can_ask = false,
+            }
+            asked = Some(Instant::now());
+        }
+        is_alive
+    }
+}
+
 /// Sends the replies and closes the request. After a failure the client sees it closed without an answer.
 fn answer(request: Request, run: &Run, bells: &dyn Bells) {
+    // If the client has left, iceoryx2 may already use its connection for another client, which would get the reply.
+    if !request.is_connected() {
+        return;
+    }
     let blocks = run.replies.blocks();
     match request.loan_slice_uninit(blocks.len()) {
         Ok(response) => {

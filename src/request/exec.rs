@@ -64,6 +64,20 @@ impl Execution {
     /// # Errors
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
+        self.run_while(host, op, &mut || true)
+    }
+
+    /// Does the same as [`Execution::run`]. Gives up an operation that would take long without a pause, and leaves the
+    /// plant unchanged, if `is_awaited` returns false: the client no longer waits for the reply.
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub(crate) fn run_while(
+        &mut self,
+        host: &mut dyn Host,
+        op: &Op,
+        is_awaited: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Reply>, Refused> {
         op.check_ranges()?;
         host.permit(op)?;
         if op.acts() {
@@ -73,7 +87,7 @@ impl Execution {
                 host.plant_and_travel().1.touch();
             }
         }
-        let reply = Work { execution: self, host }.execute(*op)?;
+        let reply = Work { execution: self, host, is_awaited }.execute(*op)?;
         if reply.is_some() {
             self.has_set_out = false;
         }
@@ -90,6 +104,8 @@ impl Execution {
 struct Work<'a> {
     execution: &'a mut Execution,
     host: &'a mut dyn Host,
+    /// Returns false when the client no longer waits for the reply.
+    is_awaited: &'a mut dyn FnMut() -> bool,
 }
 
 /// Declares the call of the function of each operation.

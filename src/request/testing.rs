@@ -55,6 +55,8 @@ pub(crate) struct TestHost {
     travel: Travel,
     /// Description of participants outside of this process, if there are any.
     pub outsiders: Option<String>,
+    /// While this is true, a return to an earlier moment does not begin.
+    pub holds_returns: Arc<AtomicBool>,
 }
 
 impl TestHost {
@@ -77,6 +79,7 @@ impl TestHost {
             is_frozen: false,
             travel: Travel::default(),
             outsiders: None,
+            holds_returns: Arc::default(),
         }
     }
 
@@ -161,6 +164,9 @@ impl Host for TestHost {
     }
 
     fn outsiders(&mut self) -> Option<String> {
+        while self.holds_returns.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
         self.outsiders.clone()
     }
 

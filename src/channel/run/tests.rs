@@ -31,7 +31,7 @@ fn replies(run: &Run) -> Vec<Reply> {
 
 fn all(host: &mut TestHost, ops: &[WireOp]) -> Vec<Reply> {
     let mut run = Run::default();
-    assert_eq!(run.go(host, ops), Progress::Done);
+    assert_eq!(run.go(host, ops, &mut || true), Progress::Done);
     replies(&run)
 }
 
@@ -100,8 +100,8 @@ fn a_request_begins_once() {
     let mut host = TestHost::new(false);
     let ops = wires(&[wait(0xFFFF, 0x44, 5_000), peek(REG)]);
     let mut run = Run::default();
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     assert_eq!(host.requests, 1);
 }
 
@@ -110,13 +110,13 @@ fn a_real_time_wait_is_resumed_where_it_stopped() {
     let mut host = TestHost::new(false);
     let ops = wires(&[poke(REG + 2, 7), wait(0xFFFF, 0x44, 5_000), peek(REG + 2)]);
     let mut run = Run::default();
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     host.run_to(3_000);
     host.store(REG + 2, 8);
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     host.store(REG, 0x44);
     host.run_to(5_000);
-    assert_eq!(run.go(&mut host, &ops), Progress::Done);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Done);
     // The poke was not repeated.
     let waited = Reply::Waited(Waited { time_us: 5_000, value: 0x44 });
     assert_eq!(replies(&run), [Reply::Written, waited, Reply::Value(8)]);
@@ -127,13 +127,13 @@ fn a_second_wait_has_a_separate_deadline() {
     let mut host = TestHost::new(false);
     let ops = wires(&[wait(1, 1, 5_000), wait(2, 2, 5_000)]);
     let mut run = Run::default();
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     host.run_to(4_000);
     host.store(REG, 1);
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     host.run_to(8_000);
-    assert_eq!(run.go(&mut host, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Waiting);
     host.store(REG, 2);
-    assert_eq!(run.go(&mut host, &ops), Progress::Done);
+    assert_eq!(run.go(&mut host, &ops, &mut || true), Progress::Done);
     assert_eq!(replies(&run)[1], Reply::Waited(Waited { time_us: 8_000, value: 2 }));
 }

@@ -233,3 +233,34 @@ fn the_operation_of_a_client_that_gives_up_ends() {
     assert!(ended < MAX_ADVANCE_US);
     assert_eq!(client.advance(1).unwrap(), ended + 1);
 }
+
+/// During a return, the server polls no other request.
+#[test]
+fn the_return_of_a_client_that_gives_up_ends_at_the_present_moment() {
+    let place = Arc::new(InstanceFiles::new());
+    let mut host = TestHost::new(true);
+    let poke = |value| Op::Poke { plc: DeviceIndex(0), offset: REG, width: Width::Word, value };
+    host.request(&[
+        Op::Advance { us: 2_000 },
+        poke(1),
+        Op::Advance { us: 3_000 },
+        poke(2),
+        Op::Advance { us: 4_000 },
+    ]);
+    let holds = Arc::clone(&host.holds_returns);
+    holds.store(true, Ordering::Relaxed);
+    let _emulator = Emulator::start_with(&place, host);
+    let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value: 1 };
+    let condition = Op::Condition { plc: DeviceIndex(0), offset: REG, width: Width::Word, test };
+    let until = [condition, Op::BackUntil { any: false, detached: false }];
+    let impatient = Patience { connect: LONG, reply: Duration::from_millis(50), ..Patience::default() };
+    let late = place.connect(impatient).unwrap().request(&until).unwrap_err();
+    assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
+    holds.store(false, Ordering::Relaxed);
+    let client = place.client();
+    assert_eq!(client.info().unwrap().time_us, 9_000);
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 2);
+    // The same return succeeds for a client that waits.
+    let waited = Reply::Waited(Waited { time_us: 2_000, value: 1 });
+    assert_eq!(client.request(&until).unwrap().last(), Some(&waited));
+}

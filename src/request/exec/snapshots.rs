@@ -34,7 +34,7 @@ impl Work<'_> {
     }
 
     pub(super) fn back(&mut self, us: u64, detached: bool) -> Result<Reply, Refused> {
-        travel::back(self.host, us, detached)?;
+        travel::back(self.host, us, detached, self.is_awaited)?;
         Ok(self.now())
     }
 
@@ -52,7 +52,7 @@ impl Work<'_> {
             let (is_met, held) = look_at(host, any, &conditions)?;
             Ok(is_met.then_some(held))
         };
-        let value = travel::back_until(self.host, detached, look)?;
+        let value = travel::back_until(self.host, detached, look, self.is_awaited)?;
         Ok(Reply::Waited(Waited { time_us: self.host.plant().now(), value }))
     }
 }

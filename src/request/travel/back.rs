@@ -7,7 +7,12 @@ use crate::time;
 
 /// Goes back by `us` microseconds. By 0 us nothing changes: the plant is in the state after the last action at the
 /// present moment already.
-pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
+pub(in crate::request) fn back(
+    host: &mut dyn Host,
+    us: u64,
+    detached: bool,
+    is_awaited: &mut dyn FnMut() -> bool,
+) -> Result<(), Refused> {
     alone(host, detached)?;
     let now = host.plant().now();
     let target = now.checked_sub(us);
@@ -27,7 +32,7 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
     }
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
-    let outcome = arrive(host, target, &here, detached).and_then(|()| go_on(host, &here));
+    let outcome = arrive(host, target, &here, detached).and_then(|()| go_on(host, &here, is_awaited));
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -53,15 +58,16 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
 }
 
 /// Goes back to the last moment at which `look` changed from returning nothing to returning a result. Returns this
-/// result.
+/// result. If `is_awaited` returns false, ends the search at the present moment.
 pub(in crate::request) fn back_until<T>(
     host: &mut dyn Host,
     detached: bool,
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+    is_awaited: &mut dyn FnMut() -> bool,
 ) -> Result<T, Refused> {
     alone(host, detached)?;
     let search = host.plant_mut().search();
-    let outcome = find_back(host, detached, look);
+    let outcome = find_back(host, detached, look, is_awaited);
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -71,6 +77,7 @@ fn find_back<T>(
     host: &mut dyn Host,
     detached: bool,
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+    is_awaited: &mut dyn FnMut() -> bool,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
     // The plant is still at power-on, so a condition that is true now became true there.
@@ -85,14 +92,14 @@ fn find_back<T>(
     // A stretch that begins at the present moment has no earlier moment, and may lack the last actions.
     let earlier = host.plant_and_travel().1.count_before(here.time_us());
     for place in (0..earlier).rev() {
-        let found = last_in(host, place, next_stretch, &look);
-        go_on(host, &here)?;
+        let found = last_in(host, place, next_stretch, &look, is_awaited);
+        go_on(host, &here, is_awaited)?;
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
         // A condition that is true at power-on became true there. At another earliest moment it may have been true before.
         let is_power_on = place == 0 && first == (0, true);
         if let Some(target) = found.or(is_power_on.then_some(0)) {
             arrive(host, target, &here, detached)?;
-            go_on(host, &here)?;
+            go_on(host, &here, is_awaited)?;
             if let Some(found) = look(host)? {
                 return Ok(found);
             }
@@ -108,7 +115,8 @@ fn find_back<T>(
     }
     // Without an earlier stretch, the plant is still at the present moment.
     let is_true = if earlier == 0 { look(host)?.is_some() } else { next_stretch.1 };
-    let unrepeatable = last_unrepeatable(host);
+    let unrepeatable = last_unrepeatable(host, is_awaited);
+    go_on(host, &here, is_awaited)?;
     return_to(host, &here);
     let earliest = host.plant_and_travel().1.earliest();
     let text = earliest.map_or_else(
@@ -132,8 +140,11 @@ fn find_back<T>(
 }
 
 /// Returns begin and end, in microseconds, of the last stretch that the plant cannot repeat with the same result.
-fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
+fn last_unrepeatable(host: &mut dyn Host, is_awaited: &mut dyn FnMut() -> bool) -> Option<[u64; 2]> {
     (0..host.plant_and_travel().1.history.len()).rev().find_map(|place| {
+        if must_end(host, is_awaited) {
+            return None;
+        }
         let stretch = host.plant_and_travel().1.history[place].clone();
         go_to(host, &stretch.begin, true).ok()?;
         let times = [stretch.begin.time_us(), stretch.end_us()];
@@ -157,6 +168,7 @@ fn last_in<T>(
     place: usize,
     (end, is_behind): (u64, bool),
     look: &impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+    is_awaited: &mut dyn FnMut() -> bool,
 ) -> Result<(Option<u64>, (u64, bool)), Refused> {
     let stretch = host.plant_and_travel().1.history[place].clone();
     go_to(host, &stretch.begin, true)?;
@@ -166,7 +178,7 @@ fn last_in<T>(
     let (mut is_found, mut last) = (first.1, None);
     loop {
         let next = host.plant().next_change().min(way.next_store());
-        if next >= end || host.should_stop() {
+        if next >= end || must_end(host, is_awaited) {
             break;
         }
         way.go_to(host.plant_mut(), next);
@@ -206,16 +218,25 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     Ok(())
 }
 
-/// Returns to the moment of the request if the host must end: the plant may not have reached the moment of the history.
+/// True if the return must end early: the host must end, or the client no longer waits for the reply.
+fn must_end(host: &dyn Host, is_awaited: &mut dyn FnMut() -> bool) -> bool {
+    host.should_stop() || !is_awaited()
+}
+
+/// Returns to the moment of the request if the return must end early: the plant may not have reached the moment of the
+/// history.
 ///
 /// # Errors
-/// The host must end.
-fn go_on(host: &mut dyn Host, here: &Snapshot) -> Result<(), Refused> {
-    if !host.should_stop() {
+/// The return must end early.
+fn go_on(host: &mut dyn Host, here: &Snapshot, is_awaited: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
+    if !must_end(host, is_awaited) {
         return Ok(());
     }
     return_to(host, here);
-    Err(Refused::ending(host))
+    if host.should_stop() {
+        return Err(Refused::ending(host));
+    }
+    Err(Refused::new(Code::NOT_SO_FAR, "the client no longer waits for the return"))
 }
 
 /// Returns to the moment of the request, because the request is refused. The result is ignored: restoring a snapshot of

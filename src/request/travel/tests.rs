@@ -5,7 +5,7 @@ use super::*;
 use crate::identity::DeviceIndex;
 use crate::layout::{Compare, Test, Width};
 use crate::request::testing::{RAM, TestHost};
-use crate::request::{FilePart, MAX_RANGE, Op, Reply, Waited};
+use crate::request::{Execution, FilePart, MAX_RANGE, Op, Reply, Waited};
 
 const WORD: Width = Width::Word;
 
@@ -135,6 +135,36 @@ fn a_condition_that_was_never_true_leaves_the_plant_unchanged() {
     );
     assert!(host.plant.snapshot() == before);
     assert_eq!(host.plant.journal().records().count(), records);
+}
+
+/// Without its client, a search would keep the plant from all others. It may end at each of its steps.
+#[test]
+fn a_return_ends_without_its_client_and_leaves_the_plant_unchanged() {
+    for ops in [&until(1)[..], &until(7), &[back(4_000)]] {
+        let mut waits = 0;
+        loop {
+            let mut host = host();
+            let (before, hash) = (host.plant.snapshot(), host.plant.journal().hash());
+            let (mut calls, mut execution, mut refused) = (0, Execution::default(), None);
+            for op in ops {
+                let mut is_awaited = || {
+                    calls += 1;
+                    calls <= waits
+                };
+                refused = execution.run_while(&mut host, op, &mut is_awaited).err();
+            }
+            if calls <= waits {
+                break;
+            }
+            assert_eq!(refused.map(|refused| refused.code), Some(Code::NOT_SO_FAR));
+            assert!(
+                host.plant.snapshot() == before && host.plant.journal().hash() == hash,
+                "{ops:?} {waits}"
+            );
+            waits += 1;
+        }
+        assert!(waits > 0, "{ops:?}");
+    }
 }
 
 #[test]
