@@ -5,7 +5,7 @@ use crate::server::Server;
 use serde_json::json;
 use std::io::{BufRead, BufReader, Lines, Read};
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
 #[test]
@@ -67,6 +67,35 @@ fn a_server_of_all_instances_continues_without_them() {
         emulator.run("stop", &[]);
         assert!(eventually(|| server.get(&path).status == 404));
     }
+}
+
+/// A name may never be used again, so the server notices the end of an instance without a request for it.
+#[test]
+fn a_server_of_all_instances_keeps_nothing_of_ended_ones() {
+    let server = Server::start("none", &["--all"]);
+    let process = PathBuf::from(format!("/proc/{}", server.child.id()));
+    let links_of_threads = || {
+        let threads = std::fs::read_dir(process.join("task")).unwrap().map(Result::unwrap);
+        let name = |thread: std::fs::DirEntry| std::fs::read_to_string(thread.path().join("comm"));
+        threads.filter_map(|thread| name(thread).ok()).filter(|name| name.trim() == "web-link").count()
+    };
+    let shared_files = || {
+        let files = std::fs::read_dir(process.join("fd")).unwrap().map(Result::unwrap);
+        files
+            .filter(|file| std::fs::read_link(file.path()).is_ok_and(|to| to.starts_with("/dev/shm")))
+            .count()
+    };
+    let emulators: [_; 3] = std::array::from_fn(|_| Emulator::stepped());
+    for emulator in &emulators {
+        server.get(&format!("/api/v1/instances/{}/time", emulator.name)).ok();
+        server.post(&format!("/api/v1/instances/{}/advance", emulator.name), &json!({"us": 1})).ok();
+    }
+    assert!(links_of_threads() >= 6 && shared_files() > 0);
+    for emulator in &emulators {
+        emulator.run("stop", &[]).ok();
+    }
+    let state = || (links_of_threads(), shared_files());
+    assert!(eventually(|| state() == (0, 0)), "{:?}", state());
 }
 
 /// The device folder of an instance is edited before its next start.

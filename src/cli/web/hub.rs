@@ -25,17 +25,21 @@ pub(super) struct InstanceLinks {
     pub acts: Link,
     pub feed: Feed,
     pub uploads: Arc<Uploads>,
+    /// Distinguishes these connections from those to another emulator of the same instance.
+    id: Arc<()>,
 }
+
+type Links = HashMap<String, Arc<InstanceLinks>>;
 
 /// The instances and the connections to them.
 pub(super) struct Hub {
     served: Served,
-    links: Mutex<HashMap<String, Arc<InstanceLinks>>>,
+    links: Arc<Mutex<Links>>,
 }
 
 impl Hub {
     pub(super) fn new(served: Served) -> Self {
-        Self { served, links: Mutex::default() }
+        Self { served, links: Arc::default() }
     }
 
     /// True if requests may name this instance.
@@ -59,14 +63,29 @@ impl Hub {
             return Ok(Arc::clone(found));
         }
         images_of(instance)?;
+        let id = Arc::default();
         let new = Arc::new(InstanceLinks {
-            looks: Link::start(instance)?,
-            acts: Link::start(instance)?,
+            looks: Link::start(instance, self.forgetting(instance, &id))?,
+            acts: Link::start(instance, self.forgetting(instance, &id))?,
             feed: Feed::new(instance),
             uploads: Arc::default(),
+            id,
         });
         links.insert(instance.to_owned(), Arc::clone(&new));
         Ok(new)
+    }
+
+    /// Returns a function that closes the connections with this `id` to an instance. Nobody may ever name an ended
+    /// instance again, so its connections must not wait for the next request.
+    fn forgetting(&self, instance: &str, id: &Arc<()>) -> impl Fn() + Send + 'static {
+        let (links, instance, id) = (Arc::downgrade(&self.links), instance.to_owned(), Arc::clone(id));
+        move || {
+            let Some(links) = links.upgrade() else { return };
+            let mut links = links.lock().unwrap_or_else(PoisonError::into_inner);
+            if links.get(&instance).is_some_and(|of_instance| Arc::ptr_eq(&of_instance.id, &id)) {
+                links.remove(&instance);
+            }
+        }
     }
 
     /// Closes the connections to an instance that has ended. Their threads end after their last jobs.

@@ -12,7 +12,7 @@ use crate::memory::take_gap_of_thread;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
@@ -22,6 +22,9 @@ const WAITING: usize = 64;
 
 /// Minimum time between two checks whether another program has shortened the channel.
 const CHECK: Duration = Duration::from_millis(20);
+
+/// Time after which a thread without work checks whether the emulator has ended.
+const IDLE: Duration = Duration::from_secs(2);
 
 /// An open connection to an emulator.
 pub(super) struct Connection {
@@ -144,11 +147,12 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Starts a thread. The thread connects when its first job arrives.
+    /// Starts a thread. The thread connects when its first job arrives. If the emulator ends while the thread has no work,
+    /// the thread closes the connection and calls `forget`.
     ///
     /// # Errors
     /// The system cannot start a thread.
-    pub(super) fn start(instance: &str) -> Result<Self, Problem> {
+    pub(super) fn start(instance: &str, forget: impl Fn() + Send + 'static) -> Result<Self, Problem> {
         let (sender, jobs) = mpsc::sync_channel(WAITING);
         let instance: Arc<str> = instance.into();
         let (stop, has_stopped) = watch::channel(false);
@@ -160,7 +164,7 @@ impl Link {
                 // Sending fails if all handles have been dropped.
                 let _ = stop.send(true);
             });
-            serve(&own, &jobs);
+            serve(&own, &jobs, &forget);
         };
         thread.spawn(work).map_err(|reason| Problem::from(CliError::Process { reason }))?;
         Ok(Self { jobs: sender, instance, has_stopped })
@@ -230,13 +234,25 @@ pub(super) fn guarded<C, T, E: From<CliError>>(
     }
 }
 
-fn serve(instance: &str, jobs: &Receiver<Job>) {
+fn serve(instance: &str, jobs: &Receiver<Job>, forget: &dyn Fn()) {
     let mut connection: Option<Connection> = None;
-    for job in jobs {
+    loop {
+        let next = jobs.recv_timeout(IDLE);
         // The names of the connection belong to its emulator; the next emulator of the instance may have others.
-        if let Some(ended) = connection.take_if(|open| !open.session.is_served()) {
+        let ended = connection.take_if(|open| !open.session.is_served());
+        let has_ended = ended.is_some();
+        if let Some(ended) = ended {
             strand::guarded(|| ended.close());
         }
+        let job = match next {
+            Ok(job) => job,
+            Err(RecvTimeoutError::Timeout) if has_ended => {
+                forget();
+                continue;
+            }
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
         let opened = match connection.take() {
             Some(open) => Ok(open),
             None => strand::guarded(|| Connection::open(instance)).map_err(Problem::from),
