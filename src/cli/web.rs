@@ -146,12 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     let printed = output::print(&first_lines(args, &served, address, &token));
     output::note(&format!("the token for programs is in {}", file.path().display()));
-    let guard = Guard {
-        token,
-        sessions: session::Sessions::default(),
-        cookie: format!("commram-{name}"),
-        origins: args.origin.clone(),
-    };
+    let guard = Guard { token, sessions: session::Sessions::default(), origins: args.origin.clone() };
     let streams = Arc::new(Semaphore::new(events::MAX_STREAMS));
     let app = App { hub: Hub::new(served), guard, streams, read_only: args.read_only };
     let served = server::serve(Arc::new(app), listener, ending.receiver());

@@ -206,14 +206,14 @@ fn each_session_brings_its_own_snapshot() {
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &[]);
     let json = ("content-type", "application/json");
-    let cookie = || {
+    let bearer = || {
         let body = json!({ "token": server.token }).to_string();
-        let answer = server.request("POST", "/api/v1/session", &[json], &body);
-        answer.header("set-cookie").split("; ").next().unwrap().to_owned()
+        let answer = server.request("POST", "/api/v1/session", &[json], &body).ok();
+        format!("Bearer {}", answer["key"].as_str().unwrap())
     };
-    let cookies = [cookie(), cookie()];
+    let bearers = [bearer(), bearer()];
     let post = |session: usize, operation: &str, fields: &Value| {
-        let headers = [("cookie", cookies[session].as_str()), json];
+        let headers = [("authorization", bearers[session].as_str()), json];
         server.request("POST", &server.path(operation), &headers, &fields.to_string())
     };
     // Snapshots of two moments.
@@ -226,7 +226,7 @@ fn each_session_brings_its_own_snapshot() {
     });
     // A request has at most 1 MiB.
     let bring = |session: usize, operations: &[Value]| {
-        let headers = [("cookie", cookies[session].as_str()), json];
+        let headers = [("authorization", bearers[session].as_str()), json];
         let path = server.path("request");
         let body = json!({ "operations": operations }).to_string();
         server.request("POST", &path, &headers, &body).ok();

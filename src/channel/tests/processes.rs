@@ -135,7 +135,8 @@ fn snapshots_of_departed_clients_take_no_place() {
     let other = Process::spawn(&place, "saver");
     until("the child has taken all places", || client.peek(DeviceIndex(0), REG, Width::Word).unwrap() == 1);
     let refused = save(&client).unwrap_err();
-    let expected = "64 snapshots are kept, which is the maximum: other clients keep 63 of them until they end";
+    let expected =
+        "64 snapshots are kept, which is the maximum: other clients keep 63 of them until they end";
     assert!(refused.contains(expected), "{refused}");
     other.kill();
     // The first request after the death finds places.

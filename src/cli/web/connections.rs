@@ -26,7 +26,7 @@ pub(super) fn max_open() -> usize {
 /// The client at the other end of a connection.
 #[derive(Default)]
 pub(super) struct Peer {
-    /// True if one of its requests had a valid token or cookie.
+    /// True if one of its requests had a valid token or key.
     is_trusted: AtomicBool,
     /// Notified when the connection has to be closed.
     close: Notify,

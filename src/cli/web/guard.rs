@@ -4,7 +4,7 @@
 use super::connections::Peer;
 use super::problem::Problem;
 use super::secret::Secret;
-use super::session::Sessions;
+use super::session::{Sessions, bearer};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode, Uri, header};
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -62,13 +62,10 @@ impl Origin {
 
 /// The requirements that every request must meet.
 pub(super) struct Guard {
-    /// The token of the server. Programs send the token with each request, and browsers exchange it for a cookie.
+    /// The token of the server. Programs send the token with each request, and browsers exchange it for a key.
     pub token: Secret,
     /// Keys of the browsers that are signed in.
     pub sessions: Sessions,
-    /// Name of the cookie. The name is different for each server, because a browser sends the cookies of all ports of a
-    /// host.
-    pub cookie: String,
     pub origins: Vec<Origin>,
 }
 
@@ -130,27 +127,15 @@ impl Guard {
         Ok(())
     }
 
-    /// True if the request has the token or the cookie.
+    /// True if the request has the token, or the key of a session.
     pub(super) fn is_signed_in(&self, headers: &HeaderMap) -> bool {
-        let bearer = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes).unwrap_or_default();
-        let bearer = bearer.split_at_checked(7).filter(|(scheme, _)| scheme.eq_ignore_ascii_case(b"bearer "));
-        if bearer.is_some_and(|(_, token)| self.token.is(token)) {
-            return true;
-        }
-        self.keys_in(headers).any(|key| self.sessions.contains(key))
+        let is_valid = |secret: &str| self.token.is(secret.as_bytes()) || self.sessions.contains(secret);
+        bearer(headers).is_some_and(is_valid)
     }
 
-    /// Returns the session of a request: the key in its cookie. All requests with the token instead of a cookie share one
-    /// session with an empty key.
+    /// Returns the session of a request: its key. All requests with the token share one session with an empty key.
     pub(super) fn session_of(&self, headers: &HeaderMap) -> String {
-        self.keys_in(headers).find(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
-    }
-
-    /// Returns the keys in the cookies of a request.
-    pub(super) fn keys_in<'a>(&'a self, headers: &'a HeaderMap) -> impl Iterator<Item = &'a str> {
-        let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());
-        let pairs = cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));
-        pairs.filter(|(name, _)| *name == self.cookie).map(|(_, key)| key)
+        bearer(headers).filter(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
     }
 }
 
@@ -211,7 +196,6 @@ mod tests {
         Guard {
             token: Secret::random().unwrap(),
             sessions: Sessions::default(),
-            cookie: "commram-x-1".to_owned(),
             origins: vec![Origin::parse("https://plant.example/").unwrap()],
         }
     }
@@ -276,25 +260,25 @@ mod tests {
     }
 
     #[test]
-    fn the_token_or_the_cookie_signs_in() {
+    fn the_token_or_a_key_signs_in() {
         let guard = guard();
-        let bearer = format!("Bearer {}", guard.token.digits());
         let key = guard.sessions.open().unwrap();
-        let cookie = format!("a=b; commram-x-1={key}");
-        assert!(guard.is_signed_in(&headers(&[("authorization", &bearer)])));
-        assert!(guard.is_signed_in(&headers(&[("cookie", &cookie)])));
+        let signed_in = |scheme: &str, secret: &str| {
+            guard.is_signed_in(&headers(&[("authorization", &format!("{scheme}{secret}"))]))
+        };
+        assert!(signed_in("Bearer ", guard.token.digits()) && signed_in("bearer ", &key));
         guard.sessions.close(&key);
-        assert!(!guard.is_signed_in(&headers(&[("cookie", &cookie)])));
-        let crossed = format!("commram-x-1={}", guard.token.digits());
-        for pair in [
-            ("authorization", "Bearer "),
-            ("authorization", "Bearer"),
-            ("authorization", guard.token.digits()),
-            ("cookie", crossed.as_str()),
-            ("cookie", "commram-x-1="),
+        for (scheme, secret) in [
+            ("Bearer ", key.as_str()),
+            ("Bearer ", ""),
+            ("Bearer", ""),
+            ("", guard.token.digits()),
+            ("Basic ", guard.token.digits()),
         ] {
-            assert!(!guard.is_signed_in(&headers(&[pair])), "{pair:?}");
+            assert!(!signed_in(scheme, secret), "{scheme}{secret}");
         }
+        let cookie = format!("key={}", guard.token.digits());
+        assert!(!guard.is_signed_in(&headers(&[("cookie", &cookie)])));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The token and the keys of the cookies. Both are random and are compared in constant time; the token is stored in a
+//! The token and the keys of sessions. Both are random and are compared in constant time; the token is stored in a
 //! file that only its owner can read.
 
 use crate::cli::error::CliError;

@@ -1,4 +1,5 @@
-//! Signing in: the page exchanges the token for a cookie that scripts cannot read.
+//! Signing in: the page exchanges the token for the key of a session, and sends the key in the header of each request. A cookie
+//! would not do: a browser sends it to all ports of the host, and other users of the machine can have servers there.
 
 use super::App;
 use super::problem::Problem;
@@ -7,7 +8,7 @@ use super::secret::Secret;
 use crate::cli::error::CliError;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use std::collections::VecDeque;
@@ -20,7 +21,7 @@ const MAX_SESSIONS: usize = 64;
 /// Maximum size of the body with the token, in bytes. It is small, because any client can send this request.
 const MAX_TOKEN_BODY: usize = 1 << 10;
 
-/// The keys of the cookies of all browsers that are signed in, the oldest first.
+/// The keys of all browsers that are signed in, the oldest first.
 #[derive(Default)]
 pub(super) struct Sessions(Mutex<VecDeque<Secret>>);
 
@@ -63,13 +64,11 @@ pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
     json_response(&json!({"read_only": app.read_only}))
 }
 
-/// Sets the cookie if the token is correct.
+/// Returns the key of a new session if the token is correct.
 ///
 /// # Errors
 /// The body is not an object with the token, or the kernel cannot provide random numbers.
 pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) -> Result<Response, Problem> {
-    let origin = request.headers().get(header::ORIGIN).map(HeaderValue::as_bytes).unwrap_or_default();
-    let is_secure = origin.starts_with(b"https://");
     let fields = body_within(request, MAX_TOKEN_BODY).await?;
     let token = fields.get("token").and_then(|token| token.as_str()).unwrap_or_default();
     if !app.guard.token.is(token.as_bytes()) {
@@ -78,22 +77,18 @@ pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) ->
         return Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail));
     }
     let key = app.guard.sessions.open().map_err(|reason| CliError::Process { reason })?;
-    // Behind a proxy with TLS, the browser must not send the cookie over a connection without TLS.
-    let secure = if is_secure { "; Secure" } else { "" };
-    Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict{secure}", app.guard.cookie)))
+    Ok(json_response(&json!({ "key": key })))
 }
 
-/// Signs a browser out: deletes its cookie and invalidates its key.
+/// Signs a browser out: invalidates its key.
 pub(super) async fn close(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
-    app.guard.keys_in(&headers).for_each(|key| app.guard.sessions.close(key));
-    with_cookie(&format!("{}=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0", app.guard.cookie))
+    app.guard.sessions.close(bearer(&headers).unwrap_or_default());
+    StatusCode::NO_CONTENT.into_response()
 }
 
-fn with_cookie(cookie: &str) -> Response {
-    let mut response = StatusCode::NO_CONTENT.into_response();
-    // The conversion cannot fail: names of instances and hexadecimal digits are valid in a header.
-    if let Ok(value) = HeaderValue::from_str(cookie) {
-        response.headers_mut().insert(header::SET_COOKIE, value);
-    }
-    response
+/// Returns the token or the key of a request.
+pub(super) fn bearer(headers: &HeaderMap) -> Option<&str> {
+    let text = headers.get(header::AUTHORIZATION)?.to_str().ok()?;
+    let (scheme, secret) = text.split_at_checked("bearer ".len())?;
+    scheme.eq_ignore_ascii_case("bearer ").then_some(secret)
 }

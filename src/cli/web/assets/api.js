@@ -2,6 +2,14 @@
 
 const ROOT = "/api/v1";
 
+/** Place of the session's key. The browser keeps it for this address and port only; it would send a cookie to all ports of the host. */
+const KEY = "commram.key";
+
+const headersFor = (accept) => {
+  const key = localStorage.getItem(KEY);
+  return key ? { Accept: accept, Authorization: `Bearer ${key}` } : { Accept: accept };
+};
+
 export class Problem extends Error {
   constructor(status, document) {
     super(document.detail ?? document.title ?? `the server answers with status ${status}`);
@@ -14,7 +22,7 @@ export class Problem extends Error {
 export const server = { instance: null, instances: [], isReadOnly: false, version: "" };
 
 async function send(method, path, body) {
-  const options = { method, credentials: "same-origin", headers: { Accept: "application/json" } };
+  const options = { method, credentials: "omit", headers: headersFor("application/json") };
   if (method !== "GET") {
     options.headers["Content-Type"] = "application/json";
     options.body = exactJson(body ?? {});
@@ -53,9 +61,16 @@ const query = (fields) => {
 
 const here = (rest) => `/instances/${encodeURIComponent(server.instance)}/${rest}`;
 
-/** Exchanges the token for a cookie. */
-export const signIn = (token) => send("POST", "/session", { token });
-export const signOut = () => send("DELETE", "/session");
+/** Exchanges the token for the key of a session. */
+export async function signIn(token) {
+  const { key } = await send("POST", "/session", { token });
+  localStorage.setItem(KEY, key);
+}
+
+export async function signOut() {
+  await send("DELETE", "/session");
+  localStorage.removeItem(KEY);
+}
 
 export async function isSignedIn() {
   try {
@@ -104,5 +119,48 @@ export async function readPast(count) {
 }
 
 export const post = (operation, fields) => send("POST", here(operation), fields);
+
+/** A stream of events. EventSource cannot send the key of the session. */
+export class EventStream extends EventTarget {
+  /** Called at the end of the connection, if `close` was not called. */
+  onfailed = () => {};
+  #abort = new AbortController();
+
+  constructor(path) {
+    super();
+    this.#read(path);
+  }
+
+  close() {
+    this.#abort.abort();
+  }
+
+  async #read(path) {
+    const { signal } = this.#abort;
+    try {
+      const response = await fetch(path, { credentials: "omit", headers: headersFor("text/event-stream"), signal });
+      if (response.ok) await this.#readBlocks(response.body.pipeThrough(new TextDecoderStream()).getReader());
+    } catch {
+      // The server has ended, or the connection is interrupted.
+    }
+    if (!signal.aborted) this.onfailed();
+  }
+
+  /** Reads events until the end. An empty line ends an event. */
+  async #readBlocks(reader) {
+    let rest = "";
+    for (let part = await reader.read(); !part.done; part = await reader.read()) {
+      const blocks = (rest + part.value).split("\n\n");
+      rest = blocks.pop();
+      blocks.forEach((block) => this.#dispatch(block));
+    }
+  }
+
+  #dispatch(block) {
+    const field = (name) => block.split("\n").filter((line) => line.startsWith(`${name}: `)).map((line) => line.slice(name.length + 2)).join("\n");
+    const event = field("event");
+    if (event && !this.#abort.signal.aborted) this.dispatchEvent(new MessageEvent(event, { data: field("data") }));
+  }
+}
 
 export const eventsPath = (fields) => ROOT + here("events") + query(fields);

@@ -50,7 +50,7 @@ function takeToken() {
   return token;
 }
 
-/** Shows the page after signing in with the token, or with the cookie of this browser. */
+/** Shows the page after signing in with the token, or with the session of this browser. */
 async function enter(token) {
   try {
     if (token) await signIn(token);

@@ -1,6 +1,6 @@
 // The event stream of an instance: one connection for all parts of the page, and the latest state of each.
 
-import { eventsPath, isSignedIn, readInstances, server } from "./api.js";
+import { EventStream, eventsPath, isSignedIn, readInstances, server } from "./api.js";
 import { later, perFrame } from "./dom.js";
 import { setNotice, showError } from "./messages.js";
 
@@ -140,13 +140,13 @@ class Feed {
     if (path === this.#path && this.#source) return;
     this.#path = path;
     const old = this.#source;
-    const source = new EventSource(path);
+    const source = new EventStream(path);
     this.#source = source;
     const closeOld = () => old?.close();
     source.addEventListener("clock", closeOld, { once: true });
     setTimeout(closeOld, 1_000);
     for (const event of EVENTS) source.addEventListener(event, (message) => this.#take(source, event, message));
-    source.onerror = () => this.#failed(source);
+    source.onfailed = () => this.#failed(source);
   }
 
   #take(source, event, message) {
@@ -229,7 +229,6 @@ class Feed {
   async #failed(source) {
     if (source !== this.#source || this.hasEnded) return;
     setNotice("stream", "The connection to the server is interrupted; the values shown are old.", "bad");
-    if (source.readyState !== EventSource.CLOSED) return;
     this.#source = null;
     const isIn = await isSignedIn().catch(() => true);
     if (!isIn) return location.reload();
