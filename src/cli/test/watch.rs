@@ -8,48 +8,58 @@ use std::time::{Duration, SystemTime};
 /// Pause between two checks of the files.
 pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 
+/// Modification times of files are behind the clock by up to this time.
+const RESOLUTION: Duration = Duration::from_millis(20);
+
 /// Modification time and length of a file; `None` if the file is missing.
 type FileStamp = Option<(SystemTime, u64)>;
 
 /// The files that each scenario used in its last run.
 #[derive(Default)]
 pub(crate) struct WatchedFiles {
-    /// For each scenario, the stamps of all its files.
-    scenarios: BTreeMap<PathBuf, BTreeMap<PathBuf, FileStamp>>,
+    scenarios: BTreeMap<PathBuf, LastRun>,
+}
+
+/// The last run of a scenario.
+struct LastRun {
+    begin: SystemTime,
+    /// The stamps of all files of the scenario.
+    files: BTreeMap<PathBuf, FileStamp>,
 }
 
 impl WatchedFiles {
     /// Records the files of a scenario before it runs, so that a change during the run is detected.
     pub(crate) fn begins(&mut self, scenario: &Path) {
-        let before = self.scenarios.get(scenario).map(|looks| looks.keys().cloned().collect());
+        let begin = SystemTime::now();
+        let before = self.scenarios.get(scenario).map(|last| last.files.keys().cloned().collect());
         let mut files: BTreeSet<PathBuf> = before.unwrap_or_default();
         files.insert(scenario.to_owned());
         files.extend(needs(scenario));
-        let looks =
-            files.into_iter().map(|file| (stamp_of(&file), file)).map(|(stamp_of, file)| (file, stamp_of));
-        self.scenarios.insert(scenario.to_owned(), looks.collect());
+        let files = files.into_iter().map(|file| (stamp_of(&file), file)).map(|(stamp, file)| (file, stamp));
+        self.scenarios.insert(scenario.to_owned(), LastRun { begin, files: files.collect() });
     }
 
-    /// Adds the files that the scenario has read.
+    /// Adds the files that the scenario has read. A file that was possibly changed during the run counts as changed: the run
+    /// may have read the old contents.
     pub(crate) fn ended(&mut self, report: &Report) {
-        if let Some(looks) = self.scenarios.get_mut(&report.file) {
+        if let Some(LastRun { begin, files }) = self.scenarios.get_mut(&report.file) {
+            let is_older = |(modified, _): &(SystemTime, u64)| *modified + RESOLUTION < *begin;
             for file in &report.reads {
-                looks.entry(file.clone()).or_insert_with(|| stamp_of(file));
+                files.entry(file.clone()).or_insert_with(|| stamp_of(file).filter(is_older));
             }
         }
     }
 
     /// Returns the scenarios that have changed since their last run, or are new.
     pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
-        let is_same =
-            |looks: &BTreeMap<PathBuf, FileStamp>| looks.iter().all(|(file, old)| stamp_of(file) == *old);
+        let is_same = |last: &LastRun| last.files.iter().all(|(file, old)| stamp_of(file) == *old);
         let has_changed = |scenario: &&PathBuf| !self.scenarios.get(*scenario).is_some_and(is_same);
         scenarios.iter().filter(has_changed).cloned().collect()
     }
 
     /// Returns the number of watched files.
     pub(crate) fn files(&self) -> usize {
-        self.scenarios.values().flat_map(BTreeMap::keys).collect::<BTreeSet<_>>().len()
+        self.scenarios.values().flat_map(|last| last.files.keys()).collect::<BTreeSet<_>>().len()
     }
 }
 
@@ -70,7 +80,8 @@ mod tests {
         let (with, without) = (at("with.rhai"), at("without.rhai"));
         std::fs::write(&with, "import \"part\" as part;").unwrap();
         std::fs::write(&without, "").unwrap();
-        std::fs::write(at("plant.toml"), "").unwrap();
+        let plant = std::fs::File::create(at("plant.toml")).unwrap();
+        plant.set_modified(SystemTime::now() - Duration::from_secs(1)).unwrap();
         let all = [with.clone(), without.clone()];
         let mut watched = WatchedFiles::default();
         assert_eq!(watched.changed(&all), all);
@@ -96,5 +107,23 @@ mod tests {
         run(&mut watched);
         std::fs::remove_file(at("plant.toml")).unwrap();
         assert_eq!(watched.changed(&all), [with], "and it is no longer imported, which nothing forgets");
+    }
+
+    #[test]
+    fn a_file_that_changes_during_the_first_run_counts_as_changed() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let (scenario, plant) = (at("with.rhai"), at("plant.toml"));
+        std::fs::write(&scenario, "").unwrap();
+        let mut watched = WatchedFiles::default();
+        let report = Report { reads: vec![plant.clone()], ..Report::bare(scenario.clone(), Outcome::Passed) };
+        let all = [scenario.clone()];
+        watched.begins(&scenario);
+        std::fs::write(&plant, "# changed").unwrap();
+        watched.ended(&report);
+        assert_eq!(watched.changed(&all), all);
+        watched.begins(&scenario);
+        watched.ended(&report);
+        assert!(watched.changed(&all).is_empty());
     }
 }
