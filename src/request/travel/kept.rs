@@ -13,7 +13,6 @@ const MAX_KEPT_BYTES: usize = 256 << 20;
 #[derive(Debug)]
 pub(super) struct KeptSnapshot {
     /// Number of the client that keeps the snapshot; 0 for the emulator's own process.
-    #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "only clients of a channel can leave"))]
     client: u128,
     pub(super) snapshot: Snapshot,
     /// Number of events in the journal at the time of the snapshot.
