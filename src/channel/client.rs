@@ -129,8 +129,21 @@ impl Client {
     /// # Errors
     /// The request as a whole got no replies.
     pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
+        self.request_while(ops, &|| false)
+    }
+
+    /// Sends a request like [`Client::request`]. After each time limit without a reply, waits once more if `is_working`
+    /// returns true.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Client::request`].
+    pub(crate) fn request_while(
+        &self,
+        ops: &[Op],
+        is_working: &dyn Fn() -> bool,
+    ) -> Result<Vec<Reply>, ClientError> {
         let mut replies = Vec::with_capacity(ops.len());
-        self.request_into(ops, &mut replies)?;
+        self.request_patiently(ops, &mut replies, is_working)?;
         Ok(replies)
     }
 
@@ -143,8 +156,7 @@ impl Client {
         self.request_patiently(ops, replies, &|| false)
     }
 
-    /// Sends a request like [`Client::request_into`]. After each time limit without a reply, waits once more if
-    /// `is_working` returns true.
+    /// Does both: [`Client::request_into`] and [`Client::request_while`].
     fn request_patiently(
         &self,
         ops: &[Op],
@@ -310,21 +322,6 @@ impl Client {
     /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
     pub(crate) fn set_patience(&mut self, reply: Duration) {
         self.patience.reply = reply;
-    }
-
-    /// Sends a request like [`Client::request`]. After each time limit without a reply, waits once more if `is_working`
-    /// returns true.
-    ///
-    /// # Errors
-    /// Returns the errors of [`Client::request`].
-    pub(crate) fn request_while(
-        &self,
-        ops: &[Op],
-        is_working: &dyn Fn() -> bool,
-    ) -> Result<Vec<Reply>, ClientError> {
-        let mut replies = Vec::with_capacity(ops.len());
-        self.request_patiently(ops, &mut replies, is_working)?;
-        Ok(replies)
     }
 
     /// From now on, a request is withdrawn when `cancel` becomes true. The request then fails as if its time limit was

@@ -1,8 +1,8 @@
 //! Finds clients that have died.
 //!
 //! A killed client cannot withdraw its request, so the request looks as if the client still waited. It also leaves its
-//! snapshots, and its files and shared memory objects. iceoryx2 can detect the dead node of the client. This query needs system calls, and in a damaged channel
-//! it may never return, so a separate thread runs it at intervals.
+//! snapshots, and its files and shared memory objects. iceoryx2 can detect the dead node of the client. This query needs
+//! system calls, and in a damaged channel it may never return, so a separate thread runs it at intervals.
 
 use super::domain::Domain;
 use iceoryx2::identifiers::UniqueNodeId;

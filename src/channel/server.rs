@@ -198,9 +198,8 @@ impl Server {
         let needs_room = travel.is_nearly_full() && Run::asks_to_save(request.payload())
             || plant.journal().follows_many_for_clients() && Run::asks_to_follow(request.payload());
         if needs_room {
-            let domain = self.domain.clone();
             // In a damaged channel the query may not return. Snapshots of dead clients then stay.
-            let dead = limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()).unwrap_or_default();
+            let dead = query_dead_nodes(&self.domain).unwrap_or_default();
             self.release_belongings(host, &dead);
         }
     }
@@ -373,6 +372,15 @@ impl std::fmt::Debug for Server {
     }
 }
 
+/// Returns the nodes of dead processes.
+///
+/// # Errors
+/// The query has not returned in time, or its thread cannot be started.
+fn query_dead_nodes(domain: &Domain) -> Result<Vec<UniqueNodeId>, LimitError> {
+    let domain = domain.clone();
+    limit::on_a_thread(limit::SHORT, move || domain.dead_nodes())
+}
+
 /// Returns the numbers of the connected clients on nodes for which `is_wanted` is true.
 fn clients_of(service: Option<&Service<Ipc>>, is_wanted: impl Fn(UniqueNodeId) -> bool) -> Vec<u128> {
     let mut clients = Vec::new();
@@ -400,8 +408,7 @@ fn is_awaited<'a>(
             return false;
         }
         if can_ask && asked.get_or_insert_with(Instant::now).elapsed() >= INTERVAL {
-            let domain = domain.clone();
-            match limit::on_a_thread(limit::SHORT, move || domain.dead_nodes()) {
+            match query_dead_nodes(domain) {
                 Ok(dead) => {
                     let dead = clients_of(service, |node| dead.contains(&node));
                     is_alive = !dead.contains(&request.origin().value());

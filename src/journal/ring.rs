@@ -47,7 +47,7 @@ impl RecordRing {
     /// Appends a line. Drops the oldest records until there is room for it and its octets in a ring of `capacity` lines.
     #[inline]
     fn append(&mut self, line: Line, octets: Option<Arc<[u8]>>, capacity: usize) {
-        if self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
+        if self.is_full(capacity) {
             self.make_room(capacity);
         }
         if let Some(octets) = octets {
@@ -56,9 +56,15 @@ impl RecordRing {
         self.lines.push_back(line);
     }
 
+    /// True if lines and octets leave no room for a line.
+    #[inline]
+    fn is_full(&self, capacity: usize) -> bool {
+        self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity
+    }
+
     fn make_room(&mut self, capacity: usize) {
         // The newest record is always kept, even if it alone exceeds the capacity.
-        while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
+        while !self.lines.is_empty() && self.is_full(capacity) {
             let dropped = self.lines.pop_front();
             while let (Some(line), Some(first)) = (&dropped, self.octets.front())
                 && first.seq <= line.seq
