@@ -1,6 +1,8 @@
 //! POSIX shared memory of iceoryx2. It is outside the instance's directory, and its names are visible to all users.
 
 use crate::memory::directory::Directory;
+#[cfg(feature = "web")]
+use crate::memory::process::read_kernel_file;
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
@@ -42,7 +44,7 @@ pub(super) fn length(path: &Path) -> Option<u64> {
 /// shortened it.
 #[cfg(feature = "web")]
 pub(super) fn is_shortened(prefix: &str) -> bool {
-    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    let maps = read_kernel_file("/proc/self/maps").unwrap_or_default();
     maps.lines().any(|line| is_longer_than_file(line, prefix).unwrap_or(false))
 }
 

@@ -30,7 +30,7 @@ impl ProcessId {
     }
 
     fn read_own(pid: u32) -> Self {
-        let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);
+        let start = Stat::of(pid).map_or(0, |stat| stat.start);
         Self { pid, start }
     }
 
@@ -58,7 +58,7 @@ impl ProcessId {
 
     /// True if the process is stopped (SIGSTOP) and waits for SIGCONT.
     pub(crate) fn is_stopped(self) -> bool {
-        self.is_running() && state(self.pid).is_some_and(|(state, _)| matches!(state, 'T' | 't'))
+        self.is_running() && Stat::of(self.pid).is_some_and(|stat| matches!(stat.state, 'T' | 't'))
     }
 }
 
@@ -71,33 +71,52 @@ impl core::fmt::Display for ProcessId {
 
 /// Returns the start time of the process with this number; `None` if it has ended. A zombie has ended.
 fn running_since(pid: u32) -> Option<u64> {
-    let (state, start) = state(pid)?;
-    (!matches!(state, 'Z' | 'X' | 'x')).then_some(start)
+    let stat = Stat::of(pid)?;
+    (!matches!(stat.state, 'Z' | 'X' | 'x')).then_some(stat.start)
 }
 
-fn state(pid: u32) -> Option<(char, u64)> {
-    parse_stat(&read_stat(pid)?)
+/// Returns the parent of a process; `None` if the process has ended and its parent has noticed it.
+#[cfg(feature = "emulator")]
+pub(in crate::memory) fn parent_of(pid: u32) -> Option<u32> {
+    Stat::of(pid).map(|stat| stat.parent)
 }
 
-fn read_stat(pid: u32) -> Option<String> {
-    // The command name may contain any bytes.
-    let bytes = read_kernel_file(&format!("/proc/{pid}/stat")).ok()?;
-    Some(String::from_utf8_lossy(&bytes).into_owned())
+/// What `/proc/<pid>/stat` contains about a process.
+#[derive(Debug, PartialEq, Eq)]
+struct Stat {
+    /// Field 3.
+    state: char,
+    /// Number of the parent: field 4.
+    parent: u32,
+    /// Start time: field 22.
+    start: u64,
 }
 
-/// Reads a file of the kernel. Such a file has no length, so `std::fs::read` would read it in many small parts.
-pub(in crate::memory) fn read_kernel_file(path: &str) -> io::Result<Vec<u8>> {
+impl Stat {
+    fn of(pid: u32) -> Option<Self> {
+        Self::parse(&read_kernel_file(&format!("/proc/{pid}/stat")).ok()?)
+    }
+
+    /// The command name before the state may itself contain blanks and parentheses, so the fields are counted from the
+    /// last closing parenthesis.
+    fn parse(stat: &str) -> Option<Self> {
+        let mut fields = stat.get(stat.rfind(')')? + 1..)?.split_ascii_whitespace();
+        let state = fields.next()?.chars().next()?;
+        let parent = fields.next()?.parse().ok()?;
+        Some(Self { state, parent, start: fields.nth(17)?.parse().ok()? })
+    }
+}
+
+/// Reads a file of the kernel. Such a file has no length, so `std::fs::read` would read it in many small parts. It may
+/// contain names of programs and files, and their bytes may be any: those that are not UTF-8 are replaced.
+///
+/// # Errors
+/// The file cannot be opened or read.
+pub(crate) fn read_kernel_file(path: &str) -> io::Result<String> {
     let mut bytes = Vec::with_capacity(PAGE);
     File::open(path)?.read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
-/// State (field 3) and start time (field 22). The command name before them may itself contain blanks and
-/// parentheses, so the fields are counted from the last closing parenthesis.
-fn parse_stat(stat: &str) -> Option<(char, u64)> {
-    let mut fields = stat.get(stat.rfind(')')? + 1..)?.split_ascii_whitespace();
-    let state = fields.next()?.chars().next()?;
-    Some((state, fields.nth(18)?.parse().ok()?))
+    Ok(String::from_utf8(bytes)
+        .unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
 }
 
 #[cfg(test)]
@@ -107,10 +126,10 @@ mod tests {
     #[test]
     fn fields_are_found_after_a_command_name_with_parentheses() {
         let stat = "42 (a) Z (b) S 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 4711 20 21";
-        assert_eq!(parse_stat(stat), Some(('S', 4711)));
-        assert_eq!(parse_stat("42 (a) S 1 2"), None);
-        assert_eq!(parse_stat(""), None);
-        assert_eq!(parse_stat("42 (a)"), None);
+        assert_eq!(Stat::parse(stat), Some(Stat { state: 'S', parent: 1, start: 4711 }));
+        assert_eq!(Stat::parse("42 (a) S 1 2"), None);
+        assert_eq!(Stat::parse(""), None);
+        assert_eq!(Stat::parse("42 (a)"), None);
     }
 
     #[test]
@@ -125,8 +144,7 @@ mod tests {
     #[test]
     fn a_zombie_has_ended() {
         let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
-        let stat = read_stat(child.id()).and_then(|stat| parse_stat(&stat)).unwrap();
-        let process = ProcessId { pid: child.id(), start: stat.1 };
+        let process = ProcessId::of(child.id()).unwrap();
         assert!(process.is_running());
         child.kill().unwrap();
         while process.is_running() {

@@ -5,6 +5,7 @@ use super::RuntimeError;
 use crate::door::RESERVED_DESCRIPTORS;
 use crate::memory::limits::space::{MemoryLimit, allow_memory};
 use crate::memory::limits::{FileLimit, allow_files};
+use crate::memory::process::read_kernel_file;
 
 /// Open files for each PLC: its image, its NOVRAM, and three files of its event service.
 const PER_PLC: u64 = 5;
@@ -49,7 +50,7 @@ pub(super) fn allow_files_of(plcs: usize, doors: usize) -> Result<(), RuntimeErr
 /// The file mode creation mask takes such a permission.
 pub(super) fn check_umask() -> Result<(), RuntimeError> {
     // The system call that returns the mask also changes it, for all threads. Without /proc nothing is checked.
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let status = read_kernel_file("/proc/self/status").unwrap_or_default();
     let mask =
         status.lines().find_map(|line| u32::from_str_radix(line.strip_prefix("Umask:")?.trim(), 8).ok());
     match mask.filter(|mask| mask & OF_OWNER != 0) {

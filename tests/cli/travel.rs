@@ -3,9 +3,11 @@
 use crate::common::{Emulator, Follower, eventually, run};
 use commram::devices;
 use commram::memory::AttachMode;
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
@@ -259,15 +261,21 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     let emulator = Emulator::stepped();
     emulator.step(&["5ms"]);
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadWrite).unwrap();
+    // The name of another mapped file is not UTF-8.
+    let directory = TempDir::new().unwrap();
+    let other = directory.path().join(OsStr::from_bytes(b"\xFF"));
+    fs::write(&other, "content").unwrap();
+    // SAFETY: Nobody changes the length of the file, and nobody reads the map.
+    let _other = unsafe { memmap2::Mmap::map(&fs::File::open(&other).unwrap()) }.unwrap();
     let outcome = emulator.run("step", &["--back", "1ms"]);
     let me = format!("(process {}), which has mapped the registers, cannot go back", std::process::id());
     assert!(outcome.err.contains(&me), "{outcome:?}");
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
-    let snapshot = TempDir::new().unwrap();
-    let file = snapshot.path().join("a.snap");
+    let file = directory.path().join("a.snap");
     let file = file.to_str().unwrap();
     emulator.run("snapshot", &[file]).ok();
-    assert!(emulator.run("restore", &[file]).fails(1).contains(&me));
+    let outcome = emulator.run("restore", &[file]);
+    assert!(outcome.fails(1).contains(&me), "{outcome:?}");
     assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.004000 s\n");
     emulator.step(&["2ms"]);
     // The error names a task in lockstep by its event.

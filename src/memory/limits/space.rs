@@ -67,7 +67,6 @@ pub(crate) fn data_in_use() -> u64 {
 /// Returns the number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
 fn used(name: &str) -> u64 {
     let status = read_kernel_file(STATUS).unwrap_or_default();
-    let status = String::from_utf8_lossy(&status);
     let size = status.lines().find_map(|line| line.strip_prefix(name));
     let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
     kib.unwrap_or(0_u64).saturating_mul(1024)
