@@ -200,21 +200,13 @@ impl NamedLocation {
         // differ only in their names.
         let live = self.last_phase();
         let ty = self.ty(live);
-        let named = |error| match (self.bit(), self.exact(live)) {
-            (None, Some(register)) => value::named(text, register.register.meaning, error),
-            _ => Err(error),
+        let value = match (self.bit(), self.exact(live)) {
+            (Some(_), _) => value::parse_bit(text),
+            (None, Some(register)) => {
+                value::parse(text, ty).or_else(|error| value::named(text, register.register.meaning, error))
+            }
+            (None, None) => value::parse(text, ty),
         };
-        let truth = match text.trim() {
-            truth if self.bit().is_none() => Err(truth),
-            truth if truth.eq_ignore_ascii_case("true") => Ok(1),
-            truth if truth.eq_ignore_ascii_case("false") => Ok(0),
-            other => Err(other),
-        };
-        let number = |_| value::parse(text, ty).or_else(named);
-        let value = truth.or_else(number).and_then(|value| match self.bit() {
-            Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
-            _ => Ok(value),
-        });
         value.map_err(|source| BadValue { place: self.label(live), source })
     }
 
@@ -404,6 +396,13 @@ mod tests {
         let error = place("node2.w_CPU_CONTROL").parse_value("-1").unwrap_err();
         let text = "node2.w_CPU_CONTROL (%MW3.200000): `-1` is out of range, a WORD holds 0 to 65535 (16#0 to 16#FFFF)";
         assert_eq!(error.to_string(), text);
-        assert!(place("%MX3.200000.1").parse_value("2").is_err());
+        let bit = place("%MX3.200000.1");
+        assert_eq!(["0", "16#1", "false", " True "].map(|text| bit.parse_value(text).unwrap()), [0, 1, 0, 1]);
+        for wrong in ["2", "16#2", "-1", "300", "many", ""] {
+            let text = format!(
+                "%MX3.200000.1: `{wrong}` is no value of a single bit; write 0 or 1, or FALSE or TRUE"
+            );
+            assert_eq!(bit.parse_value(wrong).unwrap_err().to_string(), text);
+        }
     }
 }

@@ -15,6 +15,12 @@ pub enum ValueError {
         /// Text that should be a number.
         text: String,
     },
+    /// The text is not a value of a single bit.
+    #[error("`{text}` is no value of a single bit; write 0 or 1, or FALSE or TRUE")]
+    Bit {
+        /// Text that should be 0 or 1.
+        text: String,
+    },
     /// The text is neither a number nor the name of a value of the register.
     #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
     Unknown {
@@ -73,6 +79,17 @@ pub(crate) fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     let allowed = if base == 10 { least..=most } else { 0..=i64::from(ty.mask()) };
     // The cast keeps the low bits of the two's complement, which is the bit pattern.
     if allowed.contains(&number) { Ok(number as u32 & ty.mask()) } else { Err(range()) }
+}
+
+/// Parses a value of a single bit: 0 or 1 in any notation of a number, FALSE or TRUE in any case.
+///
+/// # Errors
+/// [`ValueError::Bit`].
+pub(crate) fn parse_bit(text: &str) -> Result<u32, ValueError> {
+    let word = text.trim();
+    let truth = [("false", 0), ("true", 1)].into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+    let number = || parse(word, RegType::Byte).ok().filter(|value| *value <= 1);
+    truth.map(|(_, value)| value).or_else(number).ok_or_else(|| ValueError::Bit { text: text.to_owned() })
 }
 
 /// Returns the value with the name `text` in a register with this meaning. `text` can be the whole meaning as

@@ -140,6 +140,9 @@ fn two_ports_exchange_blocks_without_check_sum() {
     bench.plcs.iter_mut().for_each(|plc| (plc.block.x_EN, plc.block.x_BCC) = (false, false));
     bench.run(1);
     bench.plcs.iter_mut().for_each(|plc| plc.block.x_EN = true);
+    bench.run(1);
+    // A change after the rising edge of `x_EN` has no effect.
+    bench.plcs.iter_mut().for_each(|plc| plc.block.x_BCC = true);
     let octets: Vec<u8> = (0..=255).collect();
     bench.plcs[0].start(&octets);
     bench.run_until(|plcs| plcs[0].block.x_SENT);

@@ -439,7 +439,7 @@ fn single_bits_are_written_and_forced() {
     assert_eq!(emulator.peek(&["node2.b_BT_0"]), "16#08");
     emulator.run("unforce", &["node2.b_BT_0.3"]).ok();
     assert_eq!(emulator.run("force", &[]).ok(), "no register is forced\n");
-    assert!(emulator.run("poke", &["node2.b_BT_0.3=2"]).fails(2).contains("is no number"));
+    assert!(emulator.run("poke", &["node2.b_BT_0.3=2"]).fails(2).contains("is no value of a single bit"));
 }
 
 #[test]

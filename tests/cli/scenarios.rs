@@ -191,7 +191,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("poke(\"node2.w_CPU_CONTROL\", 0x10000)", "a WORD holds 0 to 65535"),
         ("poke(\"node2.w_CPU_CONTROL\", \"16#\")", "is no number; write it decimal"),
         ("poke(\"node2.w_CPU_CONTROL\", 1.5)", "`1.5`: a value is an integer"),
-        ("poke(\"%MX3.200000.1\", 2)", "`2` is no number"),
+        ("poke(\"%MX3.200000.1\", 2)", "`2` is no value of a single bit"),
         ("compare_exchange(\"%MX3.200000.1\", 0, 1)", "a single bit is not possible here"),
         ("step(\"2\")", "a time needs a unit"),
         ("step(-1)", "`-1`: the time must not be negative"),

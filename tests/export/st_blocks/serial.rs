@@ -167,7 +167,12 @@ fn exchange(has_check_sum: bool) {
     };
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();
-    compiled(&matiec, directory, "serial.st", if has_check_sum { "" } else { " x_BCC := FALSE," });
+    compiled(
+        &matiec,
+        directory,
+        "serial.st",
+        if has_check_sum { " x_BCC := NOT HAS_RUN," } else { " x_BCC := HAS_RUN," },
+    );
 
     let plant = directory.join("plant.toml");
     fs::write(&plant, PLANT).unwrap();

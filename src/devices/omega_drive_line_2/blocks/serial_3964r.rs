@@ -21,9 +21,9 @@ function_block! {
         in {
             /// TRUE lets the block take part. FALSE ends a transmission and clears the outputs.
             x_EN: bool;
-            /// TRUE: high priority. The partner has the other priority.
+            /// TRUE: high priority. The partner has the other priority. Takes effect at a rising edge of `x_EN`.
             x_HIGH: bool;
-            /// FALSE: the procedure 3964, without check sum.
+            /// FALSE: the procedure 3964, without check sum. Takes effect at a rising edge of `x_EN`.
             x_BCC: bool = true;
             /// A rising edge sends the block in `a_SEND`.
             x_SEND: bool;
