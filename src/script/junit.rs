@@ -133,7 +133,8 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
     let mut status = TestCaseStatus::non_success(kind);
     status.set_type(ty);
     status.set_message(message);
-    status.set_description(description);
+    // `commram test merge` reads descriptions without blanks at both ends.
+    status.set_description(description.trim());
     status
 }
 

@@ -10,7 +10,7 @@ use crate::cli::overwrite::refuse_inputs;
 use crate::input_file;
 use crate::plural::plural;
 use crate::script::{self, SKIP, junit_text, shard_of_junit};
-use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
+use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::io;
@@ -164,7 +164,8 @@ fn wrong(path: &Path, what: impl ToString) -> CliError {
 }
 
 fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
-    let report = Report::deserialize_from_str(text).map_err(|error| wrong(path, error))?;
+    let mut report = Report::deserialize_from_str(&with_edges(text)).map_err(|error| wrong(path, error))?;
+    report.test_suites.iter_mut().flat_map(|suite| &mut suite.test_cases).for_each(without_edges);
     let name = report.name.as_ref().map(|name| name.to_string()).unwrap_or_default();
     let shard = shard_of_junit(&name).ok_or_else(|| {
         wrong(path, "it does not name its shard; `commram test --shard I/N --junit FILE` writes such reports")
@@ -189,6 +190,22 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
         Scenario { file, ending, is_run, content: suite }
     });
     Ok(Part { path: path.to_owned(), shard: Some(shard), scenarios: scenarios.collect() })
+}
+
+/// The parser removes blanks and line ends at both ends of an output. A character of private use at both ends protects
+/// them.
+const EDGE: char = '\u{E000}';
+
+fn with_edges(text: &str) -> String {
+    text.replace("<system-out>", &format!("<system-out>{EDGE}"))
+        .replace("</system-out>", &format!("{EDGE}</system-out>"))
+}
+
+fn without_edges(case: &mut TestCase) {
+    let printed = case.system_out.as_deref().and_then(|text| text.strip_prefix(EDGE)?.strip_suffix(EDGE));
+    if let Some(printed) = printed.map(str::to_owned) {
+        case.set_system_out(printed);
+    }
 }
 
 fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {

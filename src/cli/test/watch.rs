@@ -50,8 +50,11 @@ impl WatchedFiles {
         }
     }
 
-    /// Returns the scenarios that have changed since their last run, or are new.
-    pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
+    /// Returns the scenarios that have changed since their last run, or are new. Forgets all others that are not in the
+    /// list: if one comes back with its directory, it is new.
+    pub(crate) fn changed(&mut self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
+        let selected: BTreeSet<_> = scenarios.iter().collect();
+        self.scenarios.retain(|scenario, _| selected.contains(scenario));
         let is_same = |last: &LastRun| last.files.iter().all(|(file, old)| stamp_of(file) == *old);
         let has_changed = |scenario: &&PathBuf| !self.scenarios.get(*scenario).is_some_and(is_same);
         scenarios.iter().filter(has_changed).cloned().collect()
@@ -107,6 +110,26 @@ mod tests {
         run(&mut watched);
         std::fs::remove_file(at("plant.toml")).unwrap();
         assert_eq!(watched.changed(&all), [with], "and it is no longer imported, which nothing forgets");
+    }
+
+    #[test]
+    fn a_scenario_that_comes_back_unchanged_runs_again() {
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path().join("folder");
+        let elsewhere = directory.path().join("elsewhere");
+        std::fs::create_dir(&folder).unwrap();
+        let scenario = folder.join("a.rhai");
+        std::fs::write(&scenario, "").unwrap();
+        let mut watched = WatchedFiles::default();
+        let all = [scenario.clone()];
+        watched.begins(&scenario);
+        assert!(watched.changed(&all).is_empty());
+        // While the folder is missing, its name is taken for a scenario.
+        std::fs::rename(&folder, &elsewhere).unwrap();
+        assert_eq!(watched.changed(&[folder.clone()]), [folder.clone()]);
+        watched.begins(&folder);
+        std::fs::rename(&elsewhere, &folder).unwrap();
+        assert_eq!(watched.changed(&all), all);
     }
 
     #[test]
