@@ -252,8 +252,21 @@ impl NamedLocation {
         if let Some(register) = self.exact(phase) {
             return meaning_in(&register, phase, value);
         }
-        let valid = || self.registers.iter().filter(|found| is_live(found, phase));
-        let parts = without_twins(valid().copied().collect());
+        let live: Vec<_> = self.registers.iter().filter(|found| is_live(found, phase)).copied().collect();
+        if !live.is_empty() {
+            return self.meaning_of_parts(&without_twins(live), value);
+        }
+        let parts = without_twins(self.registers.clone());
+        let meaning = self.meaning_of_parts(&parts, value);
+        match parts.as_slice() {
+            [] => meaning,
+            [register] => not_live(&meaning, register.structure().name),
+            _ => format!("{meaning} (not live)"),
+        }
+    }
+
+    /// Returns the meaning of a place that is a part of one of the registers, or contains them.
+    fn meaning_of_parts(&self, parts: &[RegisterRef], value: u32) -> String {
         let names: Vec<_> = parts.iter().map(RegisterRef::name).collect();
         match (names.as_slice(), self.bit()) {
             ([], _) => "no register".to_owned(),
@@ -314,8 +327,12 @@ pub(crate) fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32
     let meaning = register.decode(value);
     match live_name(register, live) {
         None => meaning,
-        Some(structure) => format!("{meaning} ({structure}, not live)"),
+        Some(structure) => not_live(&meaning, structure),
     }
+}
+
+fn not_live(meaning: &str, structure: &str) -> String {
+    format!("{meaning} ({structure}, not live)")
 }
 
 /// Returns the name of the register's structure if this structure is not valid.
@@ -353,6 +370,11 @@ mod tests {
         let structure = DEVICE.register("node2.b_BT_0").unwrap().structure().name;
         assert!(init.meaning(phases::CYCLIC, 0).ends_with(&format!("({structure}, not live)")));
         assert!(!place("node2.w_OPTION_STATUS").meaning(phases::INIT, 1).contains("not live"));
+        let bit = place("node2.b_CTRLREG_WRC1.2");
+        assert_eq!(bit.meaning(phases::CYCLIC, 0), "bit 2 of node2.b_CTRLREG_WRC1");
+        let structure = DEVICE.register("node2.b_CTRLREG_WRC1").unwrap().structure().name;
+        let text = format!("bit 2 of node2.b_CTRLREG_WRC1 ({structure}, not live)");
+        assert_eq!(bit.meaning(phases::INIT, 0), text);
     }
 
     #[test]
