@@ -37,7 +37,7 @@ pub enum CouplingError {
     /// The other simulators did not reach the exchange in time.
     #[error(
         "the other simulators have not reached {} in {} s: one of them has not been started, has died or waits, \
-            the broker does not run, or it waits for more federates", crate::time::short(*.at_us), .limit.as_secs_f64()
+            has longer steps without TIME_PERIOD, the broker does not run, or it waits for more federates", crate::time::short(*.at_us), .limit.as_secs_f64()
     )]
     Silent {
         /// Emulated time of the exchange, in microseconds.

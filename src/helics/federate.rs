@@ -23,7 +23,7 @@ impl CommandFederate {
     /// # Errors
     /// There is no broker, or the name is in use.
     pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
-        let failed = |reason| HelicsError::NotJoined { reason };
+        let failed = |reason| HelicsError::of_joining(name, reason);
         let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));
         let federate = made.map_err(failed)?;
         // SAFETY: here and below: the objects are the library's own; texts live through the calls.

@@ -55,6 +55,15 @@ pub enum HelicsError {
         /// Error text of HELICS.
         reason: String,
     },
+    /// The broker knows a federate with this name.
+    #[error(
+        "a federate with the name '{name}' has already joined at this HELICS broker; give each federate its own number or \
+            name. HELICS frees no name: if that federate has ended, start the broker again"
+    )]
+    NameTaken {
+        /// Name of the federate.
+        name: String,
+    },
     /// No broker answers.
     #[error(
         "no HELICS broker answers at {broker} within {} s: start `helics_broker`, or give its address by \
@@ -80,6 +89,18 @@ pub enum HelicsError {
     /// The thread cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
+}
+
+impl HelicsError {
+    /// Returns the error of a federate with this name that could not join.
+    fn of_joining(name: &str, reason: String) -> Self {
+        // HELICS has no code for this reason.
+        if reason.contains("duplicate federate name") {
+            HelicsError::NameTaken { name: name.to_owned() }
+        } else {
+            HelicsError::NotJoined { reason }
+        }
+    }
 }
 
 /// Position of a federate in the federation, and the address of the broker.

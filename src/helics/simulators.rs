@@ -98,7 +98,7 @@ fn talk(
     let Interface { name, publications, subscriptions, endpoints } = interface;
     // The emulator waits for a longer time than the core, because only the core can report the reason.
     let init = HelicsConfig { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
-    let not_joined = |reason| HelicsError::NotJoined { reason }.to_string();
+    let not_joined = |reason| HelicsError::of_joining(name, reason).to_string();
     let mut federate = ValueFederate::create(functions, name, &init).map_err(not_joined)?;
     federate.register(publications, subscriptions, endpoints).map_err(not_joined)?;
     federate.enter_initializing().map_err(not_joined)?;

@@ -481,6 +481,10 @@ fn a_mismatched_federate_is_refused_with_a_reason() {
     let outcome = ends(&[&nowhere[..], &["--broker", &broker.address, "--limit", "2s"]].concat(), &library);
     assert_eq!(outcome.code, Some(3), "{}", outcome.err);
     assert!(outcome.err.contains("has waited for more federates for 2 s"), "{}", outcome.err);
+    // The broker keeps the name of the federate that has ended.
+    let outcome = ends(&[&nowhere[..], &["--broker", &broker.address, "--limit", "2s"]].concat(), &library);
+    assert_eq!(outcome.code, Some(3), "{}", outcome.err);
+    assert!(outcome.err.contains("has already joined at this HELICS broker"), "{}", outcome.err);
     let directory = TempDir::new().unwrap();
     let plant = written(&directory, "plant.toml", PLANT);
     let other = written(&directory, "other.toml", &PLANT.replace("at_us = 8000", "at_us = 8001"));

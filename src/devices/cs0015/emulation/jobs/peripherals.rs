@@ -112,8 +112,8 @@ fn pwm(job_context: JobContext, job: &Job) -> Outcome {
 /// Runs `PWM100` (p. 94).
 fn pwm_100(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, hz, channel) = (flag(job, 0)?, word(job, 1)?, channel(job, 2, CHANNELS)?);
-    let (percent, is_new) = (job.argument(3, 0..=100)? as u8, flag(job, 4)?);
-    job.argument(5, 0..=100)?;
+    let (percent, is_new) = (byte(job, 3)?, flag(job, 4)?);
+    byte(job, 5)?;
     word(job, 6)?;
     let start = is_init.then_some(|pwm: &mut Pwm| pwm.init_hz(channel, hz));
     let value = is_new.then_some(|pwm: &mut Pwm| pwm.set_percent(channel, percent));

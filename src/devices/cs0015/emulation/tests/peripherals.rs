@@ -71,10 +71,13 @@ fn violations_of_the_pwm_rules_are_reported() {
     for (function, wrong) in [
         (job::PWM, &[1, 50_000, 0, 8, 0, 0, 0, 0][..]),
         (job::PWM, &[2, 50_000, 0, 0, 0, 0, 0, 0]),
-        (job::PWM100, &[1, 200, 0, 101, 1, 0, 0]),
+        (job::PWM100, &[1, 200, 0, 256, 1, 0, 0]),
     ] {
         assert_eq!(bench.job(function, wrong).0, job_error::ARGUMENTS, "{wrong:?}");
     }
+    // The nearest limit of the range is used (D-472).
+    ask(&mut bench, job::PWM100, &[0, 200, 0, 255, 1, 255, 0]);
+    assert_eq!(bench.registers.peripherals.a_PWM_DUTY[0].load(), 10_000);
 }
 
 /// Manual p. 96-99.
