@@ -253,7 +253,10 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
         server.kill();
         let start = Instant::now();
         let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
-        assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+        assert!(matches!(gone, ClientError::EmulatorGone { killed: Some(_), .. }), "{gone}");
+        assert!(
+            gone.to_string().contains("was killed or has crashed") && gone.to_string().contains("run --log")
+        );
         assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
         let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
