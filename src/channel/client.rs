@@ -274,21 +274,17 @@ impl Client {
 
     /// The request was closed without a reply.
     fn closed(&self) -> ClientError {
-        let has_ended =
-            || self.service.dynamic_config().number_of_servers() == 0 || !self.is_emulator_alive();
-        if has_ended() {
-            return self.gone();
-        }
         // An emulator that ends in an orderly way answers first. An emulator that crashes needs a moment until its end.
         let since = Instant::now();
-        while since.elapsed() < CRASH {
-            std::thread::sleep(RETRY);
-            if has_ended() {
-                let killed = (self.bells.emulator_pid() == self.pid).then_some(self.pid);
-                return self.gone_with(killed);
+        loop {
+            if self.service.dynamic_config().number_of_servers() == 0 || !self.is_emulator_alive() {
+                return self.gone_with(Some(self.pid));
             }
+            if since.elapsed() >= CRASH {
+                return ClientError::Unanswered { instance: self.instance.clone() };
+            }
+            std::thread::sleep(RETRY);
         }
-        ClientError::Unanswered { instance: self.instance.clone() }
     }
 
     fn late(&self, after: Duration) -> ClientError {

@@ -13,8 +13,8 @@ use std::time::Duration;
 fn reason(killed: Option<u32>) -> String {
     killed.map_or_else(String::new, |pid| {
         format!(
-            ": its process {pid} was killed or has crashed, and its last messages are on its standard error output or in the \
-             file of `run --log`"
+            ": its process {pid} ended without an answer, so it was probably killed or has crashed; its last messages are on its \
+             standard error output or in the file of `run --log`"
         )
     })
 }
@@ -145,7 +145,7 @@ pub enum ClientError {
     EmulatorGone {
         /// Name of the instance; its emulator has ended.
         instance: String,
-        /// Process id of the emulator, if it was killed or has crashed.
+        /// Process id of the emulator, if it has ended without an answer: it was probably killed or has crashed.
         killed: Option<u32>,
     },
     /// The emulator was killed, and another one has taken the instance over.
