@@ -31,6 +31,8 @@ type Pending = PendingResponse<Threads, [WireOp], (), [Block], ()>;
 
 /// Interval at which a waiting client checks that the emulator still runs.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
+/// Longest wait for the end of an emulator that has closed a request without an answer.
+const CRASH: Duration = Duration::from_millis(500);
 /// Free space in the memory file system that a client needs, in bytes: for a request of the greatest length, and for
 /// iceoryx2. Without this space the client would be killed.
 pub(super) const ROOM: u64 = 256 << 10;
@@ -272,10 +274,17 @@ impl Client {
 
     /// The request was closed without a reply.
     fn closed(&self) -> ClientError {
-        if self.service.dynamic_config().number_of_servers() == 0 || !self.is_emulator_alive() {
-            return self.gone();
+        // An emulator that ends in an orderly way answers first. An emulator that crashes needs a moment until its end.
+        let since = Instant::now();
+        loop {
+            if self.service.dynamic_config().number_of_servers() == 0 || !self.is_emulator_alive() {
+                return self.gone_with(Some(self.pid));
+            }
+            if since.elapsed() >= CRASH {
+                return ClientError::Unanswered { instance: self.instance.clone() };
+            }
+            std::thread::sleep(RETRY);
         }
-        ClientError::Unanswered { instance: self.instance.clone() }
     }
 
     fn late(&self, after: Duration) -> ClientError {
@@ -294,10 +303,15 @@ impl Client {
     }
 
     fn gone(&self) -> ClientError {
+        let is_killed = !self.bells.emulator_has_ended() && !self.bells.emulator_alive();
+        self.gone_with(is_killed.then_some(self.pid))
+    }
+
+    fn gone_with(&self, killed: Option<u32>) -> ClientError {
         let instance = self.instance.clone();
         match self.bells.emulator_pid() {
             pid if pid != self.pid && pid != 0 => ClientError::Replaced { instance, pid: self.pid },
-            _ => ClientError::EmulatorGone { instance },
+            _ => ClientError::EmulatorGone { instance, killed },
         }
     }
 

@@ -51,12 +51,19 @@ fn load() -> &'static (Config, Vec<String>) {
     LOADED.get_or_init(|| {
         let mut notes = Vec::new();
         let mut all = Config::default();
+        let is_named = std::env::var_os(VARIABLE).is_some();
+        let source = if is_named { format!("{VARIABLE}: ") } else { String::new() };
         for path in places() {
-            match read(&path) {
-                Ok(Some(config)) => all = all.or(config),
-                Ok(None) => {}
-                Err(reason) => notes.push(format!("{} is ignored: {reason}", path.display())),
-            }
+            let reason = match read(&path) {
+                Ok(Some(config)) => {
+                    all = all.or(config);
+                    continue;
+                }
+                Ok(None) if is_named => "the file does not exist".to_owned(),
+                Ok(None) => continue,
+                Err(reason) => reason,
+            };
+            notes.push(format!("{source}{} is ignored: {reason}", path.display()));
         }
         (all, notes)
     })

@@ -11,6 +11,7 @@ use super::table::{self, FormatArg};
 use crate::identity::DeviceIndex;
 use crate::input_file;
 use crate::layout::{Area, DeviceLayout, LayoutError};
+use crate::plural::plural_of;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -58,14 +59,27 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             changes
         }
         None => {
-            let (now, phase_register) = now(&args.instance, &before, &known)?;
-            let changes = known.changed(&now);
-            let gone = RegisterValues::new(now).missing(&before).len();
-            if gone > 0 {
-                let (path, s) = (args.before.display(), if gone == 1 { " of" } else { "s of" });
-                let see = see(phase_register);
+            let Now { registers, phase_register, plcs } = now(&args.instance, &before, &known)?;
+            let changes = known.changed(&registers);
+            let gone = RegisterValues::new(registers).missing(&before);
+            let (gone, of_other_plcs): (Vec<_>, Vec<_>) =
+                gone.into_iter().partition(|change| plcs.contains(&change.plc));
+            let path = args.before.display();
+            let others: BTreeSet<_> = of_other_plcs.iter().map(|change| change.plc.as_str()).collect();
+            for plc in others {
+                let of_plc: Vec<_> = of_other_plcs.iter().filter(|change| change.plc == plc).collect();
                 output::note(&format!(
-                    "{gone} register{s} {path} not compared: another structure is valid at their addresses now{see}"
+                    "{} of {path} not compared: instance '{}' has no PLC '{plc}'; its PLCs are: {}",
+                    plural_of(&of_plc, "register"),
+                    args.instance.name(),
+                    plcs.join(", ")
+                ));
+            }
+            if !gone.is_empty() {
+                output::note(&format!(
+                    "{} of {path} not compared: another structure is valid at their addresses now{}",
+                    plural_of(&gone, "register"),
+                    see(phase_register)
                 ));
             }
             changes
@@ -85,13 +99,18 @@ fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
     change::parse(&name, &text)
 }
 
+/// What the instance has in the blocks of a dump.
+struct Now {
+    registers: Vec<RegisterValue>,
+    /// The register that shows which structure is valid.
+    phase_register: Option<&'static str>,
+    /// Names of all PLCs of the instance.
+    plcs: Vec<String>,
+}
+
 /// Reads the registers of the blocks in `before`: those that `before` contains, and those that differ from their reset
-/// values. Also returns the register that shows which structure is valid.
-fn now(
-    instance: &Instance,
-    before: &[RegisterValue],
-    known: &RegisterValues,
-) -> Result<(Vec<RegisterValue>, Option<&'static str>), CliError> {
+/// values.
+fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) -> Result<Now, CliError> {
     let refused = |held| on_any_device(|fitted| area(fitted.device(), held).map(drop)).err();
     if let Some(refusal) = before.iter().find_map(refused) {
         // The register may belong to a device in a folder. Only a running instance knows the registers of such a
@@ -119,7 +138,7 @@ fn now(
             registers.push(held);
         }
     }
-    Ok((registers, phase_register))
+    Ok(Now { registers, phase_register, plcs: session.plcs().to_vec() })
 }
 
 /// Returns the names of the plain RAM in `before`: a dump of all blocks contains no plain RAM. If `before` can be the

@@ -75,13 +75,12 @@ errors! {
     /// The register cannot hold the value.
     #[error("{0}")]
     Value(#[from] BadValue) => Exit::WrongUse,
-    /// Another user owns the directory for the token of `commram web`.
-    #[error("{} belongs to user {owner}, so the token cannot be kept there; set XDG_RUNTIME_DIR to a directory of your \
-        own, or name a file with `commram web --token-file`", .path.display())]
+    /// The directory for the token of `commram web` belongs to another user, or cannot be created or read.
+    #[error("{reason}, so the token cannot be kept there; set XDG_RUNTIME_DIR to a directory of your own, or name a file \
+        with `commram web --token-file`")]
     TokenDirectory {
-        path: PathBuf,
-        /// User id of the directory's owner.
-        owner: u32,
+        /// Path and reason.
+        reason: String,
     } => Exit::NotThere,
     /// An argument is wrong, for a reason that is specific to the command.
     #[error("`{text}`: {right}")]

@@ -150,6 +150,9 @@ mod tests {
         }
         assert_eq!(code(Code::UNMAPPED), 2);
         assert_eq!(code(Code::SHUTTING_DOWN), 3);
-        assert_eq!(CliError::Client(ClientError::EmulatorGone { instance: "x".into() }).exit_code(), 3);
+        assert_eq!(
+            CliError::Client(ClientError::EmulatorGone { instance: "x".into(), killed: None }).exit_code(),
+            3
+        );
     }
 }

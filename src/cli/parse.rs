@@ -4,7 +4,7 @@ use super::instance::instance_name;
 use super::{Cli, CommonOptions, advice, config};
 use crate::devices::folder;
 use clap::builder::Resettable;
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Args, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 
@@ -175,9 +175,27 @@ fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::E
         return error;
     }
     // If the mistake is in an environment variable, this second attempt succeeds, because it ignores the environment.
-    // The function then returns the original error.
+    // The function then returns the original error, which names the variable.
     let other = bare(command()).try_get_matches_from(words).err();
-    other.filter(|other| other.kind() == error.kind()).unwrap_or(error)
+    other.filter(|other| other.kind() == error.kind()).unwrap_or_else(|| with_variable(error))
+}
+
+/// Returns the error about the value of an option with the environment variable that the value is from.
+fn with_variable(mut error: clap::Error) -> clap::Error {
+    fn variable(command: &Command, option: &str) -> Option<String> {
+        let named = command.get_arguments().find(|arg| arg.to_string() == option);
+        let own = named.and_then(Arg::get_env).map(|name| name.to_string_lossy().into_owned());
+        own.or_else(|| command.get_subcommands().find_map(|inner| variable(inner, option)))
+    }
+    let mut commands = command();
+    // An option that was not built has no text.
+    commands.build();
+    if let Some(ContextValue::String(option)) = error.get(ContextKind::InvalidArg)
+        && let Some(variable) = variable(&commands, option)
+    {
+        error.insert(ContextKind::InvalidArg, ContextValue::String(format!("{variable} ({option})")));
+    }
+    error
 }
 
 #[cfg(test)]

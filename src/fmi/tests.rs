@@ -129,9 +129,18 @@ fn registers_are_chosen_by_name_and_pattern() {
         let is_there = chosen.iter().any(|it| it == name);
         assert!(is_there || name.ends_with(".out"), "{name} in {chosen:?}");
     }
-    for (wrong, why) in
-        [("node2.w_NOTHING", "w_NOTHING"), ("other:node2.w_CPU_CONTROL", "its PLCs are: line")]
-    {
+    assert_eq!(
+        names(&["%MW3.200000", "line:%MD3.200052"]),
+        names(&["node2.w_CPU_CONTROL", "node2.a_WR_VALUE[0]"])
+    );
+    for (wrong, why) in [
+        ("node2.w_NOTHING", "w_NOTHING"),
+        ("other:node2.w_CPU_CONTROL", "its PLCs are: line"),
+        ("l*:node2.w_CPU_CONTROL", "without a PLC means the registers of all PLCs"),
+        ("%MB3.200001", "use the address of one: node2.w_CPU_CONTROL at %MW3.200000"),
+        ("%MX3.200000.1", "use the address of one: node2.w_CPU_CONTROL at %MW3.200000"),
+        ("%MW3.9999999", "%MW3.9999999"),
+    ] {
         let error = Unit::new(&Resources::built_in(vec![wrong.to_owned()]).unwrap()).err().unwrap();
         assert!(error.to_string().contains(why), "{error}");
     }

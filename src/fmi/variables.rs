@@ -1,7 +1,7 @@
 //! The variables of a unit: list, names and descriptions.
 
 use crate::identity::DeviceIndex;
-use crate::layout::{Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
+use crate::layout::{DeviceFit, Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
@@ -127,11 +127,22 @@ pub enum VariablesError {
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// The plant does not have this PLC.
-    #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
+    #[error(
+        "there is no PLC '{plc}' in the plant; its PLCs are: {known}; a name or pattern without a PLC means the registers of \
+         all PLCs that have them"
+    )]
     UnknownPlc {
         /// Name of a PLC, as the caller gave it.
         plc: String,
         /// Names of all PLCs of the plant, separated by commas.
+        known: String,
+    },
+    /// An address is not that of a whole register.
+    #[error("{address}: a variable is a whole register, so use the address of one: {known}")]
+    NotWhole {
+        /// The address as the caller gave it.
+        address: String,
+        /// Names and addresses of the registers at this address.
         known: String,
     },
     /// No drive has this value.
@@ -207,7 +218,7 @@ impl Wanted {
             let meant =
                 DeviceIndex::enumerate(&plcs.plcs).filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
             let found: Vec<_> =
-                meant.map(|(index, _)| (index, plcs.devices[index.index()].registers(name))).collect();
+                meant.map(|(index, _)| (index, registers(&plcs.devices[index.index()], name))).collect();
             // A name without a PLC as its prefix means the registers of all PLCs that have such registers.
             let has_any = found.iter().any(|(_, registers)| registers.is_ok());
             for (index, registers) in found {
@@ -216,7 +227,7 @@ impl Wanted {
                         wanted.extend(registers.iter().map(|it| (index, it.offset(), it.register.name)));
                     }
                     Err(_) if has_any => {}
-                    Err(error) => return Err(error.into()),
+                    Err(error) => return Err(error),
                 }
             }
         }
@@ -227,6 +238,21 @@ impl Wanted {
         let key = (plc, register.offset(), register.register.name);
         self.0.as_ref().is_none_or(|wanted| wanted.contains(&key))
     }
+}
+
+/// Returns the registers that a name, an area, a pattern or an address covers.
+fn registers(fitted: &DeviceFit, name: &str) -> Result<Vec<RegisterRef>, VariablesError> {
+    if !name.starts_with('%') {
+        return Ok(fitted.registers(name)?);
+    }
+    let address = fitted.device().address(name)?;
+    let (whole, parts): (Vec<_>, Vec<_>) =
+        fitted.registers_at(address, None)?.into_iter().partition(|it| it.address() == address);
+    if whole.is_empty() {
+        let known: Vec<_> = parts.iter().map(|it| format!("{it} at {}", it.address())).collect();
+        return Err(VariablesError::NotWhole { address: name.to_owned(), known: known.join(", ") });
+    }
+    Ok(whole)
 }
 
 fn of_register(plant: &Plant, plc: DeviceIndex, prefix: &str, register: &RegisterRef) -> Vec<Variable> {

@@ -183,18 +183,33 @@ impl Attached {
     /// settings, and the client must attach again.
     pub fn check(&self) -> Result<(), MemoryError> {
         let header = self.header_snapshot();
-        self.check_generation(&header)?;
+        self.check_words(header.generation.load(), header.state.load())?;
         if self.file.is_alive(&header) { Ok(()) } else { Err(dead(&self.file, &header)) }
     }
 
-    /// The part of [`Attached::check`] that needs no system call.
-    fn check_generation(&self, header: &Header) -> Result<(), MemoryError> {
-        let found = header.generation.load();
+    /// The part of [`Attached::check`] that needs no system call: it does not notice a killed emulator, except if another
+    /// emulator has taken the image over. A program can call it before every access.
+    ///
+    /// # Errors
+    /// The emulator has stopped, or been replaced by another one.
+    pub fn check_header(&self) -> Result<(), MemoryError> {
+        let (found, state) = match &self.header {
+            Some(header) => (header.generation.load(), header.state.load()),
+            None => {
+                let header = self.header_snapshot();
+                (header.generation.load(), header.state.load())
+            }
+        };
+        self.check_words(found, state)
+    }
+
+    /// Checks the words `generation` and `state` of the header page.
+    fn check_words(&self, found: u32, state: u32) -> Result<(), MemoryError> {
         if found != self.generation {
             let path = self.file.path.clone();
             return Err(MemoryError::EmulatorRestarted { path, attached: self.generation, found });
         }
-        match State::from_code(header.state.load()) {
+        match State::from_code(state) {
             Some(state) if state.is_ending() => {
                 Err(MemoryError::EmulatorStopped { path: self.file.path.clone() })
             }
@@ -304,7 +319,7 @@ impl Attached {
                 self.check()?;
                 checked = Instant::now();
             } else {
-                self.check_generation(&self.header_snapshot())?;
+                self.check_header()?;
             }
             if left.is_zero() {
                 return Ok(None);

@@ -176,8 +176,14 @@ impl Emulator {
                     none => none.insert(Directory::open(path)?),
                 };
                 let content = Novram::power_on(directory, of, &segment)?;
-                if let Some((_, RestoreOutcome::SetAside(path))) = &content {
+                if let Some((_, RestoreOutcome::SetAside { path, removed })) = &content {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
+                    for old in removed {
+                        tracing::warn!(
+                            "damaged NOVRAM of {plc}: removed {}, the last eight are kept",
+                            old.display()
+                        );
+                    }
                 }
                 novram.push(content.map(|(novram, _)| novram));
             }

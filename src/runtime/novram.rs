@@ -37,8 +37,13 @@ pub enum RestoreOutcome {
         /// True if a retain flag is not 0.
         retain: bool,
     },
-    /// The file was damaged, or not a NOVRAM file, and now has this name. The device is in delivery state.
-    SetAside(PathBuf),
+    /// The file was damaged, or not a NOVRAM file, and was renamed. The device is in delivery state.
+    SetAside {
+        /// New path of the file.
+        path: PathBuf,
+        /// Paths of older files that were removed, because only the last eight are kept.
+        removed: Vec<PathBuf>,
+    },
 }
 
 /// The NOVRAM of one PLC.

@@ -92,6 +92,25 @@ fn diff_prints_only_the_count_of_registers_that_are_no_longer_live() {
     );
 }
 
+#[test]
+fn diff_names_a_plc_that_the_instance_does_not_have() {
+    let directory = TempDir::new().unwrap();
+    let of = |names: [&str; 2]| {
+        let plant = directory.path().join(format!("{}.toml", names[1]));
+        fs::write(&plant, names.map(|name| format!("[[plc]]\nname = '{name}'\n")).concat()).unwrap();
+        Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"])
+    };
+    let [earlier, later] = [["line", "winder"], ["line", "press"]].map(of);
+    earlier.poke(&["winder:node2.b_AC=16#FF", "winder:node2.b_AM=16#FF"]);
+    let dump = earlier.run("dump", &["winder:node2", "--format", "json"]);
+    let path = directory.path().join("before.json");
+    fs::write(&path, dump.ok()).unwrap();
+    let outcome = later.run("diff", &[path.to_str().unwrap()]);
+    let expected = format!("instance '{}' has no PLC 'winder'; its PLCs are: line, press", later.name);
+    assert!(outcome.err.contains(" registers of ") && outcome.err.contains(&expected), "{}", outcome.err);
+    assert!(!outcome.err.contains("another structure"), "{}", outcome.err);
+}
+
 /// Plain RAM has no registers: retain flags, flags and the memory of option cards.
 #[test]
 fn diff_compares_plain_ram() {

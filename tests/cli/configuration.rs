@@ -72,6 +72,32 @@ fn a_wrong_configuration_file_is_ignored_with_a_note() {
 }
 
 #[test]
+fn messages_name_the_variable_of_a_wrong_value() {
+    let with = |variable: &str, value: &str, args: &[&str]| finish(commram().args(args).env(variable, value));
+    let outcome = with("COMMRAM_CONFIG", "/nonexistent/commram.toml", &["list"]);
+    let expected = "COMMRAM_CONFIG: /nonexistent/commram.toml is ignored: the file does not exist";
+    assert!(outcome.code == Some(0) && outcome.err.contains(expected), "{}", outcome.err);
+    for (variable, value, option) in [
+        ("COMMRAM_INSTANCE", "", "--instance <NAME>"),
+        ("COMMRAM_INSTANCE", "a/b", "--instance <NAME>"),
+        ("COMMRAM_CONNECT_TIMEOUT", "x", "--connect-timeout <TIME>"),
+        ("COMMRAM_CONNECT_TIMEOUT", "", "--connect-timeout <TIME>"),
+    ] {
+        let outcome = with(variable, value, &["status"]);
+        let expected = format!("'{variable} ({option})'");
+        assert!(outcome.fails(2).contains(&expected), "{}", outcome.err);
+        let outcome = with(variable, "default", &["status", "--instance", "a/b"]);
+        assert!(outcome.fails(2).contains("'--instance <NAME>'"), "{}", outcome.err);
+    }
+    let emulator = Emulator::stepped();
+    let web = ["web", "--listen", "127.0.0.1:0", "-i", &emulator.name];
+    let outcome = with("XDG_RUNTIME_DIR", "/nonexistent", &web);
+    let expected = "/nonexistent/commram: ";
+    assert!(outcome.err.contains(expected) && outcome.err.contains("set XDG_RUNTIME_DIR"), "{}", outcome.err);
+    assert_eq!(outcome.code, Some(3));
+}
+
+#[test]
 fn a_pipe_or_a_long_file_in_place_of_the_configuration_is_ignored_with_a_note() {
     let (directory, user) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let own = directory.path().join("commram.toml");

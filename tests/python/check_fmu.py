@@ -3,6 +3,7 @@
 check_fmu.py UNIT WRITES: WRITES has lines `TIME_US NAME VALUE`; without a value the variable is printed.
 """
 
+import ctypes
 import math
 import shutil
 import sys
@@ -135,7 +136,24 @@ three.to(5000)
 refused(lambda: three.to(6000), "a step ends at", "with the stop time 1.005 s", by=three)
 three.unit.reset()
 refused(lambda: three.unit.enterInitializationMode(startTime=1.0, stopTime=0.5), "must not be earlier", by=three)
+three.unit.setDebugLogging(True, ["findings", "logStatusError"])
+unknown = lambda: three.unit.setDebugLogging(True, ["findings", "logAll"])
+refused(unknown, "no log category 'logAll'", "logStatusError, findings", by=three)
 three.unit.freeInstance()
+told = []
+report = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)(
+    lambda _environment, status, category, text: told.append((status, category, text))
+)
+texts, switches = [ctypes.c_char_p(b"")] * 3, [ctypes.c_bool(False)] * 2
+for kind, others, name in (
+    ("ModelExchange", [], b"model exchange"),
+    ("ScheduledExecution", [ctypes.c_void_p()] * 3, b"scheduled execution"),
+):
+    make = getattr(ctypes.CDLL(two.unit.dll._name), f"fmi3Instantiate{kind}")
+    make.restype = ctypes.c_void_p
+    assert make(*texts, *switches, ctypes.c_void_p(), report, *others) is None
+    status, category, text = told.pop()
+    assert (status, category) == (3, b"logStatusError") and name in text and b"fmi3InstantiateCoSimulation" in text, text
 print("refused")
 
 # Runs the loop of FMPy, and measures the real time for a minute of machine time.

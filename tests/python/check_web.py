@@ -73,7 +73,7 @@ class Check:
 
     def all(self):
         self.sign_in()
-        for step in [self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.values, self.keyboard, self.narrow, self.record]:
+        for step in [self.broken_address, self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.values, self.keyboard, self.narrow, self.record]:
             step()
             assert not (wrong := self.page.complaints()), (step.__name__, wrong)
         self.sizes()
@@ -87,6 +87,14 @@ class Check:
         self.page.value(f"location.hash = {json.dumps(self.emulator.address.split('#')[1])}")
         self.page.until(f"document.title.includes({json.dumps(self.emulator.name)})")
         assert "token" not in self.page.value("location.href")
+
+    def broken_address(self):
+        self.page.value("location.hash = '#/%E0%A4%A/plant'; true")
+        self.page.until("document.querySelector('main .error')?.textContent.includes('%E0%A4%A')")
+        self.page.value(f"location.hash = '#/{self.emulator.name}/registers/%E0%A4%A'; true")
+        self.page.until("document.querySelectorAll('.rows-body .row').length > 0")
+        # The browser reports the refused request for the unknown instance itself.
+        self.page.complaints()
 
     def choose_block(self, area, structure):
         self.go("registers")

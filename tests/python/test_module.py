@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+import time
 
 import commram
 import pytest
@@ -126,8 +127,30 @@ def test_a_killed_emulator_is_noticed(stepped):
         stepped.kill()
         with pytest.raises(commram.Gone):
             ram.wait("node2.w_OPTION_STATUS", 0x0002, timeout=60)
+        time.sleep(0.1)  # The module looks for the process of the emulator at this interval.
+        for access in accesses(ram):
+            with pytest.raises(commram.Gone):
+                access()
     with pytest.raises(commram.Gone):
         stepped.attach()
+
+
+def accesses(ram):
+    return [
+        lambda: ram["node2.w_OPTION_STATUS"],
+        lambda: ram.text("node2.w_OPTION_STATUS"),
+        lambda: ram.write("node2.w_CPU_CONTROL", 1),
+        lambda: ram.write_header("board.dip", 5),
+    ]
+
+
+def test_registers_of_an_ended_emulator_are_refused(stepped):
+    with stepped.attach() as ram:
+        stepped.command("stop")
+        for access in accesses(ram):
+            with pytest.raises(commram.Gone):
+                access()
+        assert ram.header("state") in (3, 4)
 
 
 @pytest.mark.skipif(not hasattr(commram, "connect"), reason="the module of an export has no channel")

@@ -90,6 +90,7 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
     recorder.act(json!({"advance": {"us": 5000}}));
     recorder.act(json!({"back": {"us": 5000, "detached": false}}));
     recorder.act(json!({"advance_to_event": {"within_us": 1000}}));
+    recorder.act(json!({"advance_to_event": {"within_us": 0}}));
     recorder.act(json!("forces"));
     recorder.words("unforce=node1.b_BT_0");
     recorder.act(json!({"fault_clear": {"id": null}}));
@@ -110,6 +111,7 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
         "fault(\"lose_frame bus=drives slot=WRC1 count=3\");",
         "set_board(\"line:dip=5\");",
         "step(\"3000us\");",
+        "// `advance_to_event` handled the events of this moment here.",
         "expect_no_findings();",
         "clear_faults();",
     ] {

@@ -9,6 +9,16 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError as Op
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// Returns the reason for the end of an emulator, as a part of a message.
+fn reason(killed: Option<u32>) -> String {
+    killed.map_or_else(String::new, |pid| {
+        format!(
+            ": its process {pid} ended without an answer, so it was probably killed or has crashed; its last messages are on its \
+             standard error output or in the file of `run --log`"
+        )
+    })
+}
+
 /// The reason why a request got no replies.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -131,10 +141,12 @@ pub enum ClientError {
         reason: String,
     },
     /// The emulator's process has ended.
-    #[error("instance '{instance}' has ended; start it again and connect again")]
+    #[error("instance '{instance}' has ended{}; start it again and connect again", reason(*.killed))]
     EmulatorGone {
         /// Name of the instance; its emulator has ended.
         instance: String,
+        /// Process id of the emulator, if it has ended without an answer: it was probably killed or has crashed.
+        killed: Option<u32>,
     },
     /// The emulator was killed, and another one has taken the instance over.
     #[error(

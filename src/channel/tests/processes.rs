@@ -57,6 +57,12 @@ fn child() {
     let place = InstanceFiles::inherited(directory, std::env::var("COMMRAM_TEST_INSTANCE").unwrap());
     match role.as_str() {
         "server" => serve(&place, TestHost::new(false)),
+        // The script of this host has a store outside of the image, so the advance of the clock panics.
+        "crashing" => {
+            let mut host = TestHost::new(true);
+            host.script = vec![(1000, u32::MAX - 1, 1)];
+            serve(&place, host);
+        }
         "waiter" => {
             let wait = Op::Wait {
                 plc: DeviceIndex(0),
@@ -253,7 +259,8 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
         server.kill();
         let start = Instant::now();
         let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
-        assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+        assert!(matches!(gone, ClientError::EmulatorGone { killed: Some(_), .. }), "{gone}");
+        assert!(gone.to_string().contains("killed or has crashed") && gone.to_string().contains("run --log"));
         assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
         let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
@@ -271,6 +278,20 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
     place.connect(quick()).unwrap().stop().unwrap();
     until("the emulator has ended", || is_gone(Pid::from_child(&server.0)));
     assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
+fn the_error_after_a_crash_names_the_crash() {
+    let place = InstanceFiles::new();
+    let server = Process::spawn(&place, "crashing");
+    let client = place.connect(quick()).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+    let gone = client.request(&[Op::Advance { us: 2000 }]).unwrap_err();
+    assert!(
+        matches!(gone, ClientError::EmulatorGone { killed: Some(pid), .. } if pid == server.0.id()),
+        "{gone}"
+    );
+    assert!(gone.to_string().contains("killed or has crashed"), "{gone}");
 }
 
 #[test]

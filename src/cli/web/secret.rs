@@ -80,14 +80,12 @@ impl TokenFile {
     /// # Errors
     /// The directory does not belong to this user, or the file cannot be written.
     pub(super) fn usual(name: &str, token: &Secret) -> Result<Self, CliError> {
-        remove_left_files()?;
-        let path = directory();
-        let directory = PrivateDir::create(&path).map_err(|error| match error {
-            MemoryError::ForeignDirectory { owner, .. } => {
-                CliError::TokenDirectory { path: path.clone(), owner }
-            }
-            other => other.into(),
+        remove_left_files().map_err(|error| match error {
+            CliError::Memory(error) => not_kept(error),
+            other => other,
         })?;
+        let path = directory();
+        let directory = PrivateDir::create(&path).map_err(not_kept)?;
         // The name of the file contains the port. Two servers can use the same port at different addresses, so the
         // second server needs another name.
         let mut names =
@@ -147,6 +145,17 @@ pub(crate) fn remove_left_files() -> Result<(), CliError> {
     }
     directory.remove_if_empty();
     Ok(())
+}
+
+/// Returns the error for a directory for tokens that cannot be used.
+fn not_kept(error: MemoryError) -> CliError {
+    let reason = match error {
+        MemoryError::ForeignDirectory { path, owner, .. } => {
+            format!("{} belongs to user {owner}", path.display())
+        }
+        other => other.to_string(),
+    };
+    CliError::TokenDirectory { reason }
 }
 
 /// Returns the directory for tokens: the one of the session manager, otherwise a directory of this user in the file

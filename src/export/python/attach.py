@@ -207,6 +207,11 @@ def _header_field(path: str):
     return offset, kind
 
 
+_GENERATION, _STATE = _header_field("generation"), _header_field("state")
+# Time in seconds between two checks that the process of the emulator exists.
+_LIVENESS = 0.1
+
+
 class Ram:
     """An attached image. Use it as a dictionary from register names to numbers."""
 
@@ -231,6 +236,7 @@ class Ram:
         self._views = {code: whole.cast(code) for code in _WIDTHS}
         whole.release()
         self.generation = self.header("generation")
+        self._next_check = time.monotonic() + _LIVENESS
         try:
             self.check()
         except BaseException:
@@ -295,11 +301,13 @@ class Ram:
     def read(self, name: str) -> int:
         """The register's value; negative numbers in signed registers."""
         found = register(name)
+        self._check_often()
         return self._load(found.address, found.code)
 
     def write(self, name: str, value: int):
         """Stores to a register. The firmware sees it at its next look, at the latest after a processor cycle."""
         found = register(name)
+        self._check_often()
         self._store(name, found.address, found.code, value)
 
     __getitem__ = read
@@ -316,6 +324,7 @@ class Ram:
     def write_header(self, path: str, value: int):
         """Stores to a field of the header page that the attach contract gives to clients."""
         offset, code = _header_field(path)
+        self._check_often()
         self._store(path, offset, code, value)
 
     def check(self):
@@ -329,6 +338,17 @@ class Ram:
             raise Gone(f"{self.path}: the emulator has ended")
         if not self._process_runs() and not self._file_is_locked():
             raise Gone(f"{self.path}: the emulator was killed")
+
+    def _check_often(self):
+        """As `check`, but looks for the process of the emulator every 100 ms only."""
+        now = time.monotonic()
+        if (
+            now >= self._next_check
+            or self._load(*_GENERATION) != self.generation
+            or self._load(*_STATE) != State.READY
+        ):
+            self.check()
+            self._next_check = now + _LIVENESS
 
     def _process_runs(self) -> bool:
         try:
@@ -355,16 +375,12 @@ class Ram:
         found = register(name)
         expected = None if callable(wanted) else _integer(name, wanted) & _mask(found.width)
         end = time.monotonic() + timeout
-        next_check = 0.0
         while True:
             value = self._load(found.address, found.code)
             if wanted(value) if callable(wanted) else value & _mask(found.width) == expected:
                 return value
-            now = time.monotonic()
-            if now >= next_check:
-                self.check()
-                next_check = now + 0.1
-            if now >= end:
+            self._check_often()
+            if time.monotonic() >= end:
                 aim = "what was awaited" if expected is None else _hex(expected, found.width)
                 raise Timeout(
                     f"{found.name} ({found.iec_address}) did not become {aim} within {timeout} s, "

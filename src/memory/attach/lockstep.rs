@@ -109,7 +109,7 @@ impl Attached {
             if condition() {
                 return Ok(true);
             }
-            self.check_generation(&self.header_snapshot())?;
+            self.check_header()?;
             let left = timeout.saturating_sub(start.elapsed());
             match bell::wait_any(&bells, Some(left.min(LIVENESS))) {
                 Some(0) => {}

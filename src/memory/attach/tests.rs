@@ -256,6 +256,7 @@ fn a_waiting_client_notices_the_end_of_the_emulator() {
         });
         assert!(!client.is_alive());
         assert!(matches!(client.check(), Err(MemoryError::EmulatorStopped { .. })));
+        assert!(matches!(client.check_header(), Err(MemoryError::EmulatorStopped { .. })));
     }
 }
 
@@ -265,7 +266,9 @@ fn a_waiting_client_notices_a_takeover() {
     let emulator = Emulator::start(&instance);
     let client = attach(&instance, AttachMode::ReadWrite).unwrap();
     emulator.kill();
+    client.check_header().unwrap();
     let image = instance.create_ready();
+    assert!(matches!(client.check_header(), Err(MemoryError::EmulatorRestarted { .. })));
     let refused = client.wait_until("anything", WATCHDOG, |_| None::<()>).unwrap_err();
     assert!(matches!(refused, MemoryError::EmulatorRestarted { attached: 1, found: 2, .. }), "{refused}");
     assert_eq!(attach(&instance, AttachMode::ReadWrite).unwrap().generation(), image.generation());

@@ -19,6 +19,10 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// lock, because a user who can read a directory can also lock it.
 const LOCK: &str = ".lock";
 
+/// Number of unusable files of a PLC that are kept (D-862). A device that starts with a damaged file at each start, for example
+/// because of a broken disk, must not fill the disk.
+const KEPT: usize = 8;
+
 /// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
@@ -140,17 +144,32 @@ impl Directory {
         })
     }
 
-    /// Renames an unusable file to the first free `<name>.bad-<n>`.
-    pub(super) fn set_aside(&self, name: &str) -> Result<PathBuf, NovramError> {
-        for n in 1u32.. {
-            let aside = format!("{name}.bad-{n}");
-            match self.open.rename_to_free(name, &aside) {
-                Ok(()) => return Ok(self.path_of(&aside)),
-                Err(Errno::EXIST) => {}
-                Err(errno) => return Err(self.failed(name, "set it aside")(errno.into())),
+    /// Renames an unusable file to `<name>.bad-<n>`, where n is the number after the highest one that exists. Keeps the last
+    /// [`KEPT`] of these files, and removes the older ones. Returns the new path, and the paths of the removed files.
+    pub(super) fn set_aside(&self, name: &str) -> Result<(PathBuf, Vec<PathBuf>), NovramError> {
+        let failed = self.failed(name, "set it aside");
+        let start = format!("{name}.bad-");
+        let mut numbers: Vec<u64> = Vec::new();
+        for entry in std::fs::read_dir(self.open.path_by_descriptor()).map_err(&failed)? {
+            let entry = entry.map_err(&failed)?.file_name();
+            let number = entry.to_str().and_then(|entry| entry.strip_prefix(&start)?.parse::<u64>().ok());
+            // Another name of the same number, such as `.bad-01`, is not from an emulator.
+            numbers.extend(number.filter(|number| entry == *format!("{start}{number}")));
+        }
+        numbers.sort_unstable();
+        let next = numbers.last().map_or(1, |last| last.saturating_add(1));
+        let aside = format!("{start}{next}");
+        self.open.rename_to_free(name, &aside).map_err(|errno| failed(errno.into()))?;
+        numbers.truncate((numbers.len() + 1).saturating_sub(KEPT));
+        let mut removed = Vec::new();
+        for number in numbers {
+            let old = format!("{start}{number}");
+            // A file that cannot be removed, such as a directory, takes no room for the emulator's own files.
+            if self.open.remove(&old).is_ok() {
+                removed.push(self.path_of(&old));
             }
         }
-        unreachable!("a directory does not hold 2^32 files")
+        Ok((self.path_of(&aside), removed))
     }
 
     fn failed(&self, name: &str, doing: &'static str) -> impl Fn(io::Error) -> NovramError + use<> {

@@ -93,7 +93,8 @@ pub(super) fn load(
                 (content, RestoreOutcome::Content { retain })
             }
             Err(Unusable::Damaged) => {
-                (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?))
+                let (path, removed) = directory.set_aside(name)?;
+                (Content::empty(size.registers), RestoreOutcome::SetAside { path, removed })
             }
             // The file is not set aside, because the version of commram that has written it can still use it.
             Err(Unusable::OtherVersion { found }) => {

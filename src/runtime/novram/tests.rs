@@ -201,7 +201,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
         let segment = segment();
         let (_, found) = power_on(&directory, &segment).unwrap();
         let aside = directory.path().join(format!("line.novram.bad-{}", n + 1));
-        assert_eq!(found, RestoreOutcome::SetAside(aside.clone()));
+        assert_eq!(found, RestoreOutcome::SetAside { path: aside.clone(), removed: Vec::new() });
         assert_eq!(fs::read(aside).unwrap(), bytes, "kept as it was");
         assert_eq!(segment.load(ROUTER, Width::Dword).unwrap(), 0);
     }
@@ -412,7 +412,28 @@ fn a_huge_file_is_set_aside_unread() {
     let file = fs::File::create(directory.path().join("line.novram")).unwrap();
     file.set_len(1 << 40).unwrap();
     let (_, found) = power_on(&directory, &segment()).unwrap();
-    assert_eq!(found, RestoreOutcome::SetAside(directory.path().join("line.novram.bad-1")));
+    let path = directory.path().join("line.novram.bad-1");
+    assert_eq!(found, RestoreOutcome::SetAside { path, removed: Vec::new() });
+}
+
+#[test]
+fn the_last_eight_damaged_files_are_kept() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(format!("line.novram{name}"));
+    let other_files = [".bad-01", ".bad-x", ".bad-"].map(path);
+    other_files.iter().for_each(|other| fs::write(other, "kept").unwrap());
+    let bad = |number: usize| path(&format!(".bad-{number}"));
+    for number in 1..=11_usize {
+        fs::write(path(""), format!("damaged {number}")).unwrap();
+        let (_, found) = power_on(&directory, &segment()).unwrap();
+        let removed = number.checked_sub(8).filter(|old| *old > 0).map(bad).into_iter().collect();
+        assert_eq!(found, RestoreOutcome::SetAside { path: bad(number), removed });
+    }
+    for number in 1..=11 {
+        let kept = (number > 3).then(|| format!("damaged {number}"));
+        assert_eq!(fs::read_to_string(bad(number)).ok(), kept);
+    }
+    assert!(other_files.iter().all(|other| other.exists()));
 }
 
 #[test]

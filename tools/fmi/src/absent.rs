@@ -5,6 +5,7 @@ use super::border::{
     ClockUpdate, DependencyKind, Instance, IntervalQualifier, LockPreemption, LogMessage, Refused, Status,
     exported, with,
 };
+use super::instance::Log;
 use core::ffi::{c_char, c_void};
 
 fn refuse(instance: Instance, what: &str) -> Status {
@@ -13,13 +14,22 @@ fn refuse(instance: Instance, what: &str) -> Status {
     })
 }
 
+/// Refuses to make an instance of another kind than co-simulation.
+fn refuse_kind(environment: *mut c_void, log: LogMessage, kind: &str) -> Instance {
+    let text = format!(
+        "this unit offers co-simulation, not {kind}; call fmi3InstantiateCoSimulation, see docs/guide/fmi.md"
+    );
+    Log::new(environment, log).error(Status::Error, &text);
+    core::ptr::null_mut()
+}
+
 exported! {
-    fn fmi3InstantiateModelExchange(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging_on: bool, _environment: *mut c_void, _log: LogMessage) -> Instance {
-        core::ptr::null_mut()
+    fn fmi3InstantiateModelExchange(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging_on: bool, environment: *mut c_void, log: LogMessage) -> Instance {
+        refuse_kind(environment, log, "model exchange")
     }
 
-    fn fmi3InstantiateScheduledExecution(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging_on: bool, _environment: *mut c_void, _log: LogMessage, _clock_update: ClockUpdate, _lock_preemption: LockPreemption, _unlock_preemption: LockPreemption) -> Instance {
-        core::ptr::null_mut()
+    fn fmi3InstantiateScheduledExecution(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging_on: bool, environment: *mut c_void, log: LogMessage, _clock_update: ClockUpdate, _lock_preemption: LockPreemption, _unlock_preemption: LockPreemption) -> Instance {
+        refuse_kind(environment, log, "scheduled execution")
     }
 
     fn fmi3EnterEventMode(instance: Instance) -> Status {

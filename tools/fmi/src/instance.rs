@@ -22,14 +22,28 @@ pub(crate) enum Mode {
     Broken,
 }
 
+/// Category of errors, which are always reported.
+const ERRORS: &CStr = c"logStatusError";
+/// Category of the access checker's findings.
+const FINDINGS: &CStr = c"findings";
+
 /// The function of the importer that receives messages.
 #[derive(Clone, Copy)]
-struct Log {
+pub(crate) struct Log {
     environment: *mut c_void,
     callback: LogMessage,
 }
 
 impl Log {
+    pub(crate) fn new(environment: *mut c_void, callback: LogMessage) -> Self {
+        Self { environment, callback }
+    }
+
+    /// Reports an error.
+    pub(crate) fn error(self, status: Status, text: &str) {
+        self.report(status, ERRORS, text);
+    }
+
     fn report(self, status: Status, category: &CStr, text: &str) {
         let Some(callback) = self.callback else { return };
         let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
@@ -58,7 +72,7 @@ impl Inner {
         environment: *mut c_void,
         callback: LogMessage,
     ) -> Option<Box<Self>> {
-        let log = Log { environment, callback };
+        let log = Log::new(environment, callback);
         let make = || {
             let resources =
                 Resources::of_directory(Path::new(text(resources, "the path of the resources")?))?;
@@ -81,11 +95,11 @@ impl Inner {
         match catch_unwind(AssertUnwindSafe(make)) {
             Ok(Ok(made)) => Some(made),
             Ok(Err(Refused(text))) => {
-                log.report(Status::Error, c"logStatusError", &text);
+                log.error(Status::Error, &text);
                 None
             }
             Err(_) => {
-                log.report(Status::Fatal, c"logStatusError", "internal error of commram");
+                log.error(Status::Fatal, "internal error of commram");
                 None
             }
         }
@@ -119,13 +133,20 @@ impl Inner {
         Err(Refused(format!("{function} cannot be called {state}")))
     }
 
-    /// Sets the categories of messages that the log callback receives.
+    /// Sets the categories of messages that the log callback receives. No category means all.
     pub(crate) fn listen(&mut self, is_on: bool, categories: &[*const c_char]) -> Result<(), Refused> {
         let mut findings = categories.is_empty();
         for category in categories {
-            findings |= text(*category, "a category")? == "findings";
+            let category = text(*category, "a category")?;
+            let known = [ERRORS, FINDINGS].map(|known| known.to_str().unwrap_or_default());
+            if !known.contains(&category) {
+                let known = known.join(", ");
+                return Err(Refused(format!(
+                    "there is no log category '{category}'; the categories are: {known}"
+                )));
+            }
+            findings |= FINDINGS.to_str() == Ok(category);
         }
-        // Errors are always reported.
         if findings {
             self.reports_findings = is_on;
         }
@@ -136,13 +157,13 @@ impl Inner {
     pub(crate) fn report_findings(&mut self) {
         if self.reports_findings {
             for line in self.unit.take_findings() {
-                self.log.report(Status::Warning, c"findings", &line);
+                self.log.report(Status::Warning, FINDINGS, &line);
             }
         }
     }
 
     pub(crate) fn log(&self, status: Status, text: &str) {
-        self.log.report(status, c"logStatusError", text);
+        self.log.error(status, text);
     }
 
     pub(crate) fn is_broken(&self) -> bool {

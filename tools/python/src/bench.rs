@@ -1,7 +1,7 @@
 //! A plant in this process or a running instance, with the verbs of scenarios.
 
 use crate::errors;
-use crate::given::{Data, Plant, Time, ValueArgument};
+use crate::given::{self, Data, Plant, Time, ValueArgument};
 use crate::handle::Handle;
 use crate::instance;
 use crate::lock::{Guard, Lock};
@@ -14,7 +14,6 @@ use commram::identity::DeviceIndex;
 use commram::layout::Fit;
 use commram::plant::PlantConfig;
 use commram::script::{Bench, Register as Found, ScenarioError, Span};
-use core::time::Duration;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -63,7 +62,8 @@ pub(crate) struct PyBench {
 impl Drop for PyBench {
     fn drop(&mut self) {
         if self.is_of_parent() {
-            // The connection stays with the process that made it. To end it here would remove its files.
+            // The plant or connection stays with the process that made it. To end a connection here would remove its files,
+            // and a plant may be in the middle of a step.
             core::mem::forget(self.state.get_mut().bench.take());
         }
     }
@@ -86,17 +86,20 @@ impl Drop for Held<'_> {
 }
 
 impl PyBench {
-    /// True if this is a connection, and this process is a fork of the process that made it.
+    /// True if this process is a fork of the process that made this. A thread of that process may have held the lock at
+    /// the moment of the fork, and this process does not have the thread, so the lock must not be used.
     fn is_of_parent(&self) -> bool {
-        self.is_remote && std::process::id() != self.process
+        std::process::id() != self.process
     }
 
     fn lock<'a>(&'a self, py: Python<'a>) -> PyResult<Held<'a>> {
         if self.is_of_parent() {
-            let text = format!(
-                "this connection belongs to process {}; connect again in a forked process",
-                self.process
-            );
+            let (what, right) = match self.is_remote {
+                true => ("connection", "connect again"),
+                false => ("plant", "make a new Emulator"),
+            };
+            let text =
+                format!("this {what} belongs to process {}; {right} in a forked process", self.process);
             return Err(errors::of_class("Error", text));
         }
         Ok(Held { py, state: self.state.lock(py)?, is_closing: &self.is_closing })
@@ -147,9 +150,7 @@ impl PyBench {
         let bench = py.detach(|| match instance {
             None => own(plant.unwrap_or(Plant::BuiltIn)).map_err(errors::of),
             Some(instance) => {
-                let patience = Duration::try_from_secs_f64(timeout)
-                    .map_err(|_| PyValueError::new_err(format!("{timeout}: a timeout is not negative")))?;
-                let client = instance::connect(&instance, patience)?;
+                let client = instance::connect(&instance, given::timeout(timeout)?)?;
                 Bench::attach(client).map_err(errors::of)
             }
         });
@@ -178,6 +179,9 @@ impl PyBench {
 
     #[getter]
     fn closed(&self, py: Python<'_>) -> PyResult<bool> {
+        if self.is_of_parent() {
+            return Ok(true);
+        }
         if self.state.is_held_here() {
             return Ok(self.is_closing.load(Ordering::Relaxed));
         }

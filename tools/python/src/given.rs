@@ -2,6 +2,7 @@
 
 use crate::errors::wrong_type;
 use commram::script::{Span, Value};
+use core::time::Duration;
 use pyo3::exceptions::{PyOverflowError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyString};
@@ -52,6 +53,17 @@ impl<'py> FromPyObject<'_, 'py> for Time {
     }
 }
 
+/// Converts a number of seconds of real time to a timeout. An infinite number becomes the longest timeout.
+///
+/// # Errors
+/// The number is negative or is not a number.
+pub(crate) fn timeout(seconds: f64) -> PyResult<Duration> {
+    if seconds >= 0.0 {
+        return Ok(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
+    }
+    Err(PyValueError::new_err(format!("{seconds}: a timeout is a number of seconds, 0 or greater")))
+}
+
 /// Data of a frame: `44 33 .. 11`, or bytes.
 pub(crate) struct Data(pub String);
 
@@ -88,10 +100,22 @@ impl<'py> FromPyObject<'_, 'py> for Plant {
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         if let Ok(text) = given.cast::<PyString>() {
-            let text = text.to_str()?;
+            let readable = text.to_string_lossy();
             // Distinguishes a path from a text like scenarios do.
-            let is_path = !text.contains(['\n', '=', '[']);
-            return Ok(if is_path { Plant::File(text.into()) } else { Plant::Text(text.to_owned()) });
+            let is_path = !readable.contains(['\n', '=', '[']);
+            if is_path {
+                // The name of a file can contain bytes that are not UTF-8. Python has them as surrogates.
+                let refused = |_| {
+                    let shown = text.repr().unwrap_or_else(|_| text.to_owned());
+                    PyValueError::new_err(format!(
+                        "{shown}: no file name contains this surrogate; use os.fsdecode"
+                    ))
+                };
+                return given.extract().map(Plant::File).map_err(refused);
+            }
+            let right = "the text of a plant contains a surrogate; it must be valid Unicode";
+            let text = text.to_str().map_err(|_| PyValueError::new_err(right))?;
+            return Ok(Plant::Text(text.to_owned()));
         }
         let right = "a plant is the path of a plant file, its text, or None for the built-in one";
         given.extract().map(Plant::File).map_err(|_| wrong_type(&given, right))

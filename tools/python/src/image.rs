@@ -1,7 +1,7 @@
 //! The image of a PLC of a running instance, mapped.
 
 use crate::errors;
-use crate::given::ValueArgument;
+use crate::given::{self, ValueArgument};
 use crate::instance;
 use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
@@ -39,12 +39,28 @@ pub(crate) struct PyImage {
     path: String,
     #[pyo3(get)]
     generation: u32,
+    /// Time of the last check that the process of the emulator exists.
+    checked: Mutex<Instant>,
 }
 
 impl PyImage {
     fn open(&self) -> PyResult<Arc<Attached>> {
         let attached = self.attached.read().ok().and_then(|attached| attached.clone());
         attached.ok_or_else(|| errors::of_class("Error", "this is closed; attach again"))
+    }
+
+    /// Returns the image if its emulator still serves it. A killed emulator is noticed after [`SLICE`], because this check
+    /// needs system calls.
+    fn served(&self) -> PyResult<Arc<Attached>> {
+        let attached = self.open()?;
+        let mut checked = self.checked.lock().unwrap_or_else(|error| error.into_inner());
+        let outcome = if checked.elapsed() < SLICE {
+            attached.check_header()
+        } else {
+            attached.check().inspect(|()| *checked = Instant::now())
+        };
+        drop(checked);
+        outcome.map(|()| attached).map_err(|error| errors::memory(&error))
     }
 
     fn find(&self, name: &str) -> PyResult<Arc<NamedLocation>> {
@@ -114,6 +130,7 @@ impl PyImage {
             path: attached.path().display().to_string(),
             generation: attached.generation(),
             attached: RwLock::new(Some(Arc::new(attached))),
+            checked: Mutex::new(Instant::now()),
         })
     }
 
@@ -137,14 +154,14 @@ impl PyImage {
     }
 
     fn peek(&self, register: &str) -> PyResult<i64> {
-        let (attached, place) = (self.open()?, self.find(register)?);
+        let (attached, place) = (self.served()?, self.find(register)?);
         Ok(Self::number(&place, place.last_phase(), Self::load(&attached, &place)?))
     }
 
     fn poke(&self, register: &str, value: ValueArgument) -> PyResult<()> {
         let (place, bits) = self.value(register, &value)?;
         whole(&place)?;
-        let attached = self.open()?;
+        let attached = self.served()?;
         attached.segment().store(place.offset(), place.width(), bits).map_err(|error| errors::memory(&error))
     }
 
@@ -164,18 +181,18 @@ impl PyImage {
     ) -> PyResult<bool> {
         let ((place, current), (_, new)) = (self.value(register, &expected)?, self.value(register, &new)?);
         whole(&place)?;
-        let attached = self.open()?;
+        let attached = self.served()?;
         let outcome = attached.segment().compare_exchange(place.offset(), place.width(), current, new);
         Ok(outcome.map_err(|error| errors::memory(&error))?.is_ok())
     }
 
     fn text(&self, register: &str) -> PyResult<String> {
-        let (attached, place) = (self.open()?, self.find(register)?);
+        let (attached, place) = (self.served()?, self.find(register)?);
         Ok(place.meaning(Self::live(&attached, &place)?, Self::load(&attached, &place)?))
     }
 
     fn describe(&self, register: &str) -> PyResult<String> {
-        let (attached, place) = (self.open()?, self.find(register)?);
+        let (attached, place) = (self.served()?, self.find(register)?);
         let (live, value) = (Self::live(&attached, &place)?, Self::load(&attached, &place)?);
         let text =
             format!("{} = {}  {}", place.name(live), place.format(live, value), place.meaning(live, value));
@@ -188,14 +205,13 @@ impl PyImage {
 
     /// Makes the firmware poll the registers at once.
     fn ring(&self) -> PyResult<()> {
-        self.open()?.ring().map_err(|error| errors::memory(&error))
+        self.served()?.ring().map_err(|error| errors::memory(&error))
     }
 
     #[pyo3(signature = (register, wanted, timeout = 5.0))]
     fn wait(&self, py: Python<'_>, register: &str, wanted: Bound<'_, PyAny>, timeout: f64) -> PyResult<i64> {
-        let (attached, place) = (self.open()?, self.find(register)?);
-        let whole = Duration::try_from_secs_f64(timeout)
-            .map_err(|_| PyValueError::new_err(format!("{timeout}: a timeout is not negative")))?;
+        let (attached, place) = (self.served()?, self.find(register)?);
+        let whole = given::timeout(timeout)?;
         let aim = if wanted.is_callable() { None } else { Some(self.value(register, &wanted.extract()?)?.1) };
         let (wanted, raised) = (wanted.unbind(), Mutex::new(None));
         let number = |value| Self::number(&place, place.last_phase(), value);
@@ -245,7 +261,7 @@ impl PyImage {
 
     #[pyo3(signature = (area = None))]
     fn snapshot(&self, area: Option<&str>) -> PyResult<Snapshot> {
-        let attached = self.open()?;
+        let attached = self.served()?;
         let with_registers = || {
             let areas = self.fitted.device().named_areas();
             areas.filter(|area| !area.structures.is_empty() && self.fitted.area(area) != Fit::Empty)

@@ -1,5 +1,6 @@
 """A plant in this process."""
 
+import os
 import pathlib
 import re
 
@@ -200,6 +201,11 @@ def test_frames_are_sent_as_bytes_or_texts():
             emulator.send_frame(bus, 1, 1.5)
 
 
+def test_a_step_has_no_longest_time(emulator):
+    emulator.step("25h")
+    assert emulator.now() == 25 * 3600 * 1_000_000
+
+
 def test_plants_are_files_texts_or_built_in(tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(TWO)
@@ -212,6 +218,17 @@ def test_plants_are_files_texts_or_built_in(tmp_path):
             assert emulator.names("line2:node2")[0].startswith("line2:node2.")
             with pytest.raises(commram.UnknownName, match="several PLCs"):
                 emulator.peek("node2.b_BT_0")
+    # Python represents bytes of a name outside of UTF-8 as surrogates.
+    odd = os.fsdecode(os.fsencode(tmp_path) + b"/two-\xff.toml")
+    with open(odd, "w") as file:
+        file.write(TWO)
+    for plant in (odd, pathlib.Path(odd)):
+        with commram.Emulator(plant) as emulator:
+            assert emulator.plcs == ["line", "line2"]
+    with pytest.raises(ValueError, match="no file name contains this surrogate"):
+        commram.Emulator("\ud800")
+    with pytest.raises(ValueError, match="the text of a plant contains a surrogate"):
+        commram.Emulator(TWO + "# \udcff")
     for wrong, error in (("[[plc]]\nnom = 'x'", commram.PlantError), (str(tmp_path / "none.toml"), ValueError), (7, TypeError)):
         with pytest.raises(error):
             commram.Emulator(wrong)

@@ -2,6 +2,7 @@
 
 import subprocess
 import threading
+import time
 
 import commram
 import pytest
@@ -129,12 +130,55 @@ def test_a_missing_instance_is_reported(start, program):
     process.wait()
     with pytest.raises(commram.Gone):
         ram.check()
+    time.sleep(0.1)  # The process of the emulator is looked for at this interval.
+    with pytest.raises(commram.Gone):
+        ram.poke("node2.w_CPU_CONTROL", 1)
     with pytest.raises(commram.Gone):
         ram.wait("node2.w_OPTION_STATUS", 2, timeout=60)
     with pytest.raises(commram.Gone):
         plant.now()
     with pytest.raises(commram.Gone):
         commram.attach(name)
+
+
+def test_registers_of_an_ended_emulator_are_refused(stepped, start):
+    for writable in (True, False):
+        name = start("--clock", "stepped")
+        with commram.attach(name, writable=writable) as ram:
+            before, process = ram.snapshot("node2"), start.processes[-1][1]
+            process.terminate()
+            process.wait(timeout=60)
+            for access in (
+                lambda: ram.peek("node2.w_OPTION_STATUS"),
+                lambda: ram["node2.w_OPTION_STATUS"],
+                lambda: ram.text("node2.w_OPTION_STATUS"),
+                lambda: ram.describe("node2.w_OPTION_STATUS"),
+                lambda: ram.snapshot("node2"),
+                lambda: ram.changes(before),
+                ram.ring,
+            ):
+                with pytest.raises(commram.Gone):
+                    access()
+            for access in (
+                lambda: ram.poke("node2.w_CPU_CONTROL", 1),
+                lambda: ram.compare_exchange("node2.w_CPU_CONTROL", 0, 1),
+                lambda: ram.write_header("board.dip", 5),
+            ):
+                with pytest.raises(commram.Gone):
+                    access()
+            assert ram.header("state") in (3, 4)
+
+
+def test_a_timeout_is_a_number_of_seconds(stepped):
+    with commram.attach(stepped) as ram:
+        for wrong in (-1, float("nan"), float("-inf")):
+            with pytest.raises(ValueError, match="a timeout is a number of seconds, 0 or greater"):
+                commram.connect(stepped, timeout=wrong)
+            with pytest.raises(ValueError, match="a timeout is a number of seconds, 0 or greater"):
+                ram.wait("node2.w_OPTION_STATUS", 2, timeout=wrong)
+        for right in (1e300, float("inf")):
+            commram.connect(stepped, timeout=right).close()
+            assert ram.wait("node2.w_OPTION_STATUS", 1, timeout=right) == 1
 
 
 def test_connect_waits_for_an_instance_that_starts(program):

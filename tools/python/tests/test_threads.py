@@ -177,6 +177,47 @@ print(plant.peek("node2.w_OPTION_STATUS"))
 """
 
 
+FORKED_IN_A_STEP = """
+import os, sys, threading, commram
+plant, end = commram.Emulator(), threading.Event()
+
+def work():
+    while not end.is_set():
+        plant.step("100ms")
+
+worker = threading.Thread(target=work)
+worker.start()
+# In several of these processes, the other thread is in a step at the moment of the fork.
+for _ in range(20):
+    child = os.fork()
+    if child == 0:
+        for use in (lambda: plant.now(), lambda: plant["node2.b_BT_0"], lambda: plant.names()):
+            try:
+                use()
+            except commram.Error as error:
+                print(type(error).__name__, error, flush=True)
+        print(plant.closed, repr(plant), flush=True)
+        {end}
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+end.set()
+worker.join()
+print(plant.now() > 0)
+"""
+
+
+@pytest.mark.parametrize("end", ["plant.close()", "del plant, work, use"])
+def test_an_emulator_stays_with_its_process(end):
+    code = FORKED_IN_A_STEP.format(end=end)
+    # Later versions of Python warn of a fork in a process with threads.
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120)
+    lines = done.stdout.splitlines()
+    assert done.stderr == "" and lines.pop() == "True" and len(lines) == 80, done
+    for number, line in enumerate(lines):
+        right = "True <Emulator, closed>" if number % 4 == 3 else "Error this plant belongs to process "
+        assert line.startswith(right), line
+
+
 @pytest.mark.parametrize("end", ["plant.close()", "plant = None", "pass"])
 def test_a_connection_outlives_a_forked_process(start, end):
     code = FORKED.format(name=start("--clock", "stepped"), end=end)

@@ -11,6 +11,7 @@ import { setNotice, showError } from "./messages.js";
 import { PAGES } from "./pages.js";
 import { loadPins } from "./pins.js";
 import { loadRecord, onRecord, recorder, showRecord, toggleRecord } from "./record.js";
+import { decoded } from "./values.js";
 
 const main = document.getElementById("main");
 const nav = document.getElementById("nav");
@@ -101,7 +102,7 @@ const pageOf = (id) => PAGES.find((page) => page.id === id) ?? PAGES[0];
 async function route() {
   const number = ++routes;
   const [name, pageName, ...rest] = parts();
-  const instance = decodeURIComponent(name) || (server.instances.length === 1 ? server.instances[0].name : "");
+  const instance = decoded(name) || (server.instances.length === 1 ? server.instances[0].name : "");
   if (!instance) return chooseInstance();
   const page = pageOf(pageName);
   let open;

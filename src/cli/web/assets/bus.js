@@ -4,7 +4,7 @@ import { look, show } from "./api.js";
 import { choice, fill, h, oneAtATime, setText, svg, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
-import { counted, duration, seconds, short } from "./values.js";
+import { counted, decoded, duration, seconds, short } from "./values.js";
 
 const SHOWN = 3;
 /** Maximum number of intervals that the server returns. */
@@ -36,7 +36,7 @@ class BusPage {
 
   constructor(root, [name], context) {
     const buses = context.status.buses;
-    this.bus = buses.find((bus) => bus.bus === decodeURIComponent(name ?? ""))?.bus ?? buses[0]?.bus;
+    this.bus = buses.find((bus) => bus.bus === decoded(name))?.bus ?? buses[0]?.bus;
     if (!this.bus) return void fill(root, h("p", { class: "empty" }, "The plant has no bus."));
     const select = choice(buses.map((bus) => [bus.bus, `${bus.bus} (${bus.kind})`]), this.bus, { label: "Bus" });
     select.addEventListener("change", () => {

@@ -8,7 +8,7 @@ import { elementsOf, mapOf, provenanceOf, registerAt } from "./map.js";
 import { showError } from "./messages.js";
 import { isPinned, onPins, pinned, togglePin } from "./pins.js";
 import { showRegister } from "./register.js";
-import { counted, isScalar, isSigned, short, signed } from "./values.js";
+import { counted, decoded, isScalar, isSigned, short, signed } from "./values.js";
 
 const MOST = 4_000;
 /** Number of characters of a meaning that fit into each width of its column. A cell that the browser need not clip is drawn faster. */
@@ -16,7 +16,7 @@ const FITTING = 12;
 
 export function registersPage(root, rest, context) {
   const page = new Registers(root, context);
-  page.start(decodeURIComponent(rest[0] ?? "")).catch(showError);
+  page.start(decoded(rest[0])).catch(showError);
   return Object.assign(() => page.end(), { key: (event) => page.key(event) });
 }
 

@@ -24,6 +24,15 @@ export function duration(text) {
   return Math.round(Number(found[1]) * UNITS[(found[2] ?? "ms").replace("µ", "u")]);
 }
 
+/** Decodes a part of an address. A text with a broken percent code is a name as it is, so the page reports the unknown name. */
+export function decoded(text = "") {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
+}
+
 export const bytesOf = (type) => ({ BYTE: 1, USINT: 1, SINT: 1, BOOL: 1, WORD: 2, UINT: 2, INT: 2 })[type] ?? 4;
 
 /** True if values of the type are printed with a sign. */

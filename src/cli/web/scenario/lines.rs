@@ -186,9 +186,13 @@ pub(super) fn add(
                     wait_for(&conditions, *any, *within_us).map_or(Verb::Step, Verb::Advance)
                 }
                 Op::AdvanceToEvent { .. } if is_known && end_us == begin_us => {
-                    return Err(
-                        "events were handled, but no time passed: scenarios have no verb for that".to_owned()
-                    );
+                    // The events of this moment happen in the scenario too, when its clock advances. Only a write between
+                    // here and there has another place among them.
+                    Verb::Call(
+                        "// `advance_to_event` handled the events of this moment here. The next line that advances the \
+                         clock handles them."
+                            .to_owned(),
+                    )
                 }
                 op => verb(connection, op, action.register.as_deref())?,
             };

@@ -92,7 +92,7 @@ pub enum Attendance {
     /// The guest takes part from now on. The clock is stepped, so the bus takes over its frames only at the
     /// next step.
     TakesPartStepped,
-    /// The guest has stopped taking part.
+    /// The guest has stopped taking part. Its controller may still send frames that the guest has passed to it.
     Left,
     /// The guest has a seat in lockstep. From now on, emulated time waits for the guest.
     Seated,

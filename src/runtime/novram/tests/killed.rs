@@ -19,7 +19,7 @@ fn child() {
     let segment = segment();
     let mut directory = Directory::open(Path::new(&directory)).unwrap();
     let (novram, found) = restored(&directory, "[[plc]]\nname = 'line'\n", &segment).unwrap();
-    assert!(!matches!(found, RestoreOutcome::SetAside(_)), "{found:?}");
+    assert!(!matches!(found, RestoreOutcome::SetAside { .. }), "{found:?}");
     let first = novram.saved.registers()[0];
     println!("\nwriting");
     for byte in (0..=u8::MAX).cycle().skip(usize::from(first) + 1) {

@@ -66,6 +66,7 @@ class Ram(Registers, _native.Image):
             raise TypeError(f"{path}: {value!r} is a {type(value).__name__}; a field takes an integer")
         if not 0 <= value < 1 << 8 * _WIDTHS[code]:
             raise ValueError(f"{path}: {value} does not fit into {_WIDTHS[code]} bytes")
+        self.check()
         self._page(code)[offset // _WIDTHS[code]] = value
 
     def changes(self, since: _native.Snapshot) -> list[_native.Change]:
