@@ -93,6 +93,8 @@ pub mod input_file;
 pub mod journal;
 pub mod layout;
 pub mod memory;
+#[cfg(feature = "script")]
+mod namesakes;
 #[cfg(feature = "cli")]
 mod output_file;
 #[cfg(any(test, feature = "emulator", feature = "export"))]

@@ -3,6 +3,7 @@
 use super::ScenarioError;
 use super::caught::Caught;
 use crate::input_file;
+use crate::namesakes::Namesakes;
 use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
@@ -24,6 +25,8 @@ pub(super) struct Imports {
     under_way: RefCell<Vec<Import>>,
     /// All requested files, without repetitions.
     imported: Rc<RefCell<Vec<PathBuf>>>,
+    /// The functions of all scripts.
+    namesakes: Rc<RefCell<Namesakes>>,
 }
 
 /// `start.rhai:3 imports common.rhai`
@@ -46,14 +49,21 @@ impl core::fmt::Display for Import {
 }
 
 impl Imports {
-    /// Creates the imports of the scenario in file `scenario`. They append requested files to `imported`.
-    pub(crate) fn new(scenario: &Path, directory: &Path, imported: Rc<RefCell<Vec<PathBuf>>>) -> Self {
+    /// Creates the imports of the scenario in file `scenario`. They append requested files to `imported`, and the functions
+    /// of the scripts to `namesakes`.
+    pub(crate) fn new(
+        scenario: &Path,
+        directory: &Path,
+        imported: Rc<RefCell<Vec<PathBuf>>>,
+        namesakes: Rc<RefCell<Namesakes>>,
+    ) -> Self {
         Self {
             modules: RefCell::default(),
             directory: directory.to_owned(),
             scenario: scenario.to_owned(),
             under_way: RefCell::default(),
             imported,
+            namesakes,
         }
     }
 
@@ -76,6 +86,20 @@ impl Imports {
         }
         under_way.push(import);
         Ok(())
+    }
+
+    /// Compiles and runs the script of a module. Ignores a first line that begins with `#!`, which is for the operating
+    /// system.
+    fn module(&self, engine: &Engine, path: &str, text: &str) -> Result<Rc<Module>, Box<EvalAltResult>> {
+        let text = match text.strip_prefix("#!") {
+            Some(rest) => rest.find('\n').map_or("", |end| &rest[end..]),
+            None => text,
+        };
+        let mut script = whole_script::compile(engine, text)?;
+        script.set_source(path);
+        let added = self.namesakes.borrow_mut().add(path, &script);
+        added.map_err(|why| at(ScenarioError::argument(path, &why), Position::new(1, 1)))?;
+        Ok(Module::eval_ast_as_new(Scope::new(), &script, engine)?.into())
     }
 }
 
@@ -104,7 +128,7 @@ impl ModuleResolver for Imports {
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| at(error, position))?;
         let module = match input_file::read(&to, input_file::LONGEST_SCRIPT) {
-            Ok(text) => module(engine, path, &text).map_err(|error| within(path, error, position)),
+            Ok(text) => self.module(engine, path, &text).map_err(|error| within(path, error, position)),
             Err(error) if error.kind() == ErrorKind::NotFound => {
                 Err(EvalAltResult::ErrorModuleNotFound(path.to_owned(), position).into())
             }
@@ -114,18 +138,6 @@ impl ModuleResolver for Imports {
         self.modules.borrow_mut().extend(module.iter().map(|module| (to.clone(), Rc::clone(module))));
         module
     }
-}
-
-/// Compiles and runs the script of a module. Ignores a first line that begins with `#!`, which is for the operating
-/// system.
-fn module(engine: &Engine, path: &str, text: &str) -> Result<Rc<Module>, Box<EvalAltResult>> {
-    let text = match text.strip_prefix("#!") {
-        Some(rest) => rest.find('\n').map_or("", |end| &rest[end..]),
-        None => text,
-    };
-    let mut script = whole_script::compile(engine, text)?;
-    script.set_source(path);
-    Ok(Module::eval_ast_as_new(Scope::new(), &script, engine)?.into())
 }
 
 fn within(path: &str, error: Box<EvalAltResult>, position: Position) -> Box<EvalAltResult> {

@@ -32,7 +32,7 @@ impl Lines {
         let stage = Rc::new(RefCell::new(Stage::new(Some(bench), directory.to_owned(), limits.time_us)));
         let mut engine = engine(&stage);
         limit(&mut engine, limits, Instant::now());
-        engine.set_module_resolver(Imports::new(Path::new("shell"), directory, Rc::default()));
+        engine.set_module_resolver(Imports::new(Path::new("shell"), directory, Rc::default(), Rc::default()));
         let printed = Rc::new(RefCell::new(Printed::new(print)));
         let printing = Rc::clone(&printed);
         engine.on_print(move |line| {

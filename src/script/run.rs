@@ -10,6 +10,7 @@ use super::report::{Mistake, Outcome, Report};
 use super::{Bench, ScenarioError};
 use crate::devices::folder::stack_position;
 use crate::input_file;
+use crate::namesakes::Namesakes;
 #[cfg(feature = "cli")]
 use crate::plant::PlantConfig;
 use crate::time::short;
@@ -187,13 +188,19 @@ fn run_on(
         Ok(text) => {
             let mut engine = engine(&stage);
             limit(&mut engine, limits, start);
-            engine.set_module_resolver(Imports::new(file, &directory, Rc::clone(&imported)));
+            let namesakes = Rc::default();
+            engine.set_module_resolver(Imports::new(
+                file,
+                &directory,
+                Rc::clone(&imported),
+                Rc::clone(&namesakes),
+            ));
             let printing = Rc::clone(&printed);
             engine.on_print(move |line| printing.borrow_mut().line(line));
             let printing = Rc::clone(&printed);
             engine.on_debug(move |line, _, _| printing.borrow_mut().line(line));
             let at_end = prepare(&mut engine, &stage);
-            let outcome = run_text(&engine, file, &text, &directory, &stage, limits);
+            let outcome = run_text(&engine, file, &text, &directory, &stage, (limits, &namesakes));
             if let Some(at_end) = at_end {
                 at_end(&outcome);
             }
@@ -229,7 +236,7 @@ fn run_text(
     text: &str,
     directory: &Path,
     stage: &Rc<RefCell<Stage>>,
-    limits: Limits,
+    (limits, namesakes): (Limits, &RefCell<Namesakes>),
 ) -> Outcome {
     let ast = match whole_script::compile(engine, text) {
         Ok(ast) => ast,
@@ -239,6 +246,10 @@ fn run_text(
             return broken(&what, place);
         }
     };
+    // The first script has no namesakes yet; an import can be refused because of them.
+    if let Err(why) = namesakes.borrow_mut().add(&file.display().to_string(), &ast) {
+        return broken(&why, place(file, None));
+    }
     #[cfg(feature = "cli")]
     stage.borrow_mut().set_calls_plant(super::debug::calls(&ast, "plant"));
     let mut scope = Scope::new();
@@ -464,6 +475,44 @@ mod tests {
                      expect_no_frame(\"drives\", 0x501, 0x7FF, 500); step(500); expect_that(now() == 4000, `${now()}`);";
         let outcome = outcome(text, Limits::default());
         assert!(matches!(outcome, Outcome::Passed), "{outcome:?}");
+    }
+
+    /// The registers that cover each other are named by the state of the port, which an earlier record has changed.
+    #[test]
+    fn a_part_of_the_journal_names_the_same_registers() {
+        let text = br#"poke("node2.w_CPU_CONTROL", 1); wait("node2.w_OPTION_STATUS", 2, "1ms"); let t = now();
+            step("1ms"); poke("node2.b_BT_1", 0x1C); let part = journal(t + 1); let all = journal(0);
+            expect_that(part.len() > 0 && part[0].text.contains("b_BT_1 ("), part[0].text);
+            for i in 0..part.len() { expect_that(part[i] == all[all.len() - part.len() + i], `${part[i]}`); }"#;
+        let outcome = outcome(text, Limits::default());
+        assert!(matches!(outcome, Outcome::Passed), "{outcome:?}");
+    }
+
+    #[test]
+    fn a_wait_during_which_the_plant_goes_back_takes_no_time() {
+        let text = br#"let s = save(); step("5ms"); let us = wait_until(|| { back_to(s); true }, "1ms");
+            expect_that(us == 0, `${us}`);"#;
+        let outcome = outcome(text, Limits::default());
+        assert!(matches!(outcome, Outcome::Passed), "{outcome:?}");
+    }
+
+    #[test]
+    fn scripts_that_would_call_each_others_functions_are_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("own.rhai");
+        let own = |text: &str| {
+            std::fs::write(&file, text).unwrap();
+            with_stack(|| run_file(&file, None, Limits::default(), |_| {}).outcome).unwrap()
+        };
+        let part = "fn helper() { 1 } fn run() { helper() }";
+        std::fs::write(directory.path().join("a.rhai"), part).unwrap();
+        std::fs::write(directory.path().join("b.rhai"), part).unwrap();
+        let both = own("import \"a\" as a;\nimport \"b\" as b; expect_that(a::run() == 1, \"\");");
+        let Outcome::Broken(mistake) = both else { panic!("{both:?}") };
+        assert!(mistake.what.contains("functions `helper` with 0 parameters in a and b"), "{mistake}");
+        assert!(mistake.location.file.ends_with("b.rhai"), "{mistake}");
+        let one = own("import \"a\" as a; fn run() { a::run() } expect_that(run() == 1, \"\");");
+        assert!(matches!(one, Outcome::Passed), "{one:?}");
     }
 
     /// Every script ends with an outcome, reads no other file, and leaves no file.

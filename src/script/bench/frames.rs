@@ -290,7 +290,9 @@ impl Bench {
         Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
     }
 
-    /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps.
+    /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps. A text of
+    /// these records names the right registers only if it has also seen the earlier records
+    /// ([`Format::skip`](crate::journal::Format::skip)).
     ///
     /// # Errors
     /// The emulator of the instance has ended.

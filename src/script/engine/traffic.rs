@@ -3,6 +3,7 @@
 use super::arguments::{data_bytes, identifier, number, span};
 use super::{Verbs, held, int, record_map};
 use crate::devices;
+use crate::journal::Format;
 use crate::journal::text::Text;
 use crate::script::{Bench, ScenarioError, SeenFrame};
 use rhai::{Array, Dynamic, INT, Map};
@@ -100,9 +101,17 @@ impl Verbs {
             move |since: INT| {
                 stage.act(|bench| {
                     let since = number(since, "time")?;
-                    let records = bench.journal(since)?;
+                    // Earlier records decide which registers a record names.
+                    let records = bench.journal(0)?;
                     let mut text = Text::new(bench.names().clone(), devices::catalogue());
-                    let maps: Vec<_> = records.iter().map(|record| record_map(record, &mut text)).collect();
+                    let mut maps = Vec::new();
+                    for record in &records {
+                        if record.time_us < since {
+                            text.skip(record);
+                        } else {
+                            maps.push(record_map(record, &mut text));
+                        }
+                    }
                     held(maps, &format!("journal({since})"), LATER)
                 })
             }

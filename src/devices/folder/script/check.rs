@@ -10,6 +10,7 @@ use crate::devices::can_bus;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
 use crate::layout::{DeviceLayout, Owner, did_you_mean};
+use crate::namesakes::Namesakes;
 use core::cell::RefCell;
 use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
@@ -39,6 +40,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         (Rc::new(RefCell::new(VerbContext::new(layout, &script.records))), Rc::new(Meter::default()));
     let engine = engine(&context, &meter, &script.files);
     let (mut hooks, mut written, mut named) = (Hooks::default(), None, Named::default());
+    let mut namesakes = Namesakes::default();
     for (file, text) in script.files.iter() {
         let compiled = engine.compile(text);
         let mut ast = compiled.map_err(|error| Mistake::misread(file, text, layout, &error))?;
@@ -47,6 +49,8 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         let records = &script.records;
         Calls { layout, records, functions: functions(&ast) }.check(&ast).map_err(at)?;
         named.collect(&ast);
+        let added = namesakes.add(file, &ast);
+        added.map_err(|what| Mistake { file: file.clone(), ..Mistake::new(what) })?;
         if file == MAIN {
             hooks = hooks_of(&ast)?;
             check_port(script, hooks, layout)?;
