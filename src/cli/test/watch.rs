@@ -126,7 +126,7 @@ mod tests {
         assert!(watched.changed(&all).is_empty());
         // While the folder is missing, its name is taken for a scenario.
         std::fs::rename(&folder, &elsewhere).unwrap();
-        assert_eq!(watched.changed(&[folder.clone()]), [folder.clone()]);
+        assert_eq!(watched.changed(std::slice::from_ref(&folder)), std::slice::from_ref(&folder));
         watched.begins(&folder);
         std::fs::rename(&elsewhere, &folder).unwrap();
         assert_eq!(watched.changed(&all), all);
