@@ -158,7 +158,7 @@ mod tests {
             "`node2.w_CPU_CONTROL`: write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001"
         );
         assert!(message("node2.w_CPU_CONTROL==1").contains("`commram wait`"));
-        assert!(message("%MX3.200000.1=2").contains("is no number"));
+        assert!(message("%MX3.200000.1=2").contains("is no value of a single bit"));
         assert!(message("node2.w_CPU_CONTRL=1").contains("w_CPU_CONTROL"));
         assert!(message("node2.w_CPU_CONTROL=").contains("is no number"));
     }
