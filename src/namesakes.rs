@@ -5,7 +5,8 @@
 //! scripts are refused if this could happen.
 
 use crate::plural::plural;
-use rhai::{AST, ASTNode, Expr, Stmt};
+use crate::whole_script::call_of;
+use rhai::{AST, ASTNode};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Name of a function, and number of its parameters.
@@ -21,27 +22,19 @@ pub(crate) struct Namesakes {
 }
 
 impl Namesakes {
+    /// Returns the functions of the first script, which has no namesakes.
+    pub(crate) fn of(script: &str, ast: &AST) -> Self {
+        let mut own = Self::default();
+        own.note(script, ast);
+        own
+    }
+
     /// Adds a script with this name. Adding a script again has no effect.
     ///
     /// # Errors
     /// Describes a function that two scripts define, and that two scripts call without the name of a module.
     pub(crate) fn add(&mut self, script: &str, ast: &AST) -> Result<(), String> {
-        for function in ast.iter_functions() {
-            let signature = (function.name.to_owned(), function.params.len());
-            self.defined.entry(signature).or_default().insert(script.to_owned());
-        }
-        ast.walk(&mut |path: &[ASTNode<'_>]| {
-            if let Some(
-                ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _))
-                | ASTNode::Stmt(Stmt::FnCall(call, _)),
-            ) = path.last()
-                && !call.is_qualified()
-            {
-                let signature = (call.name.to_string(), call.args.len());
-                self.called.entry(signature).or_default().insert(script.to_owned());
-            }
-            true
-        });
+        self.note(script, ast);
         let is_mixed = |(signature, scripts): &(&Signature, &BTreeSet<String>)| {
             scripts.len() > 1 && self.called.get(*signature).is_some_and(|callers| callers.len() > 1)
         };
@@ -52,6 +45,20 @@ impl Namesakes {
             plural(*count as u64, "parameter"),
             scripts.join(" and ")
         ))
+    }
+
+    fn note(&mut self, script: &str, ast: &AST) {
+        for function in ast.iter_functions() {
+            let signature = (function.name.to_owned(), function.params.len());
+            self.defined.entry(signature).or_default().insert(script.to_owned());
+        }
+        ast.walk(&mut |path: &[ASTNode<'_>]| {
+            if let Some(call) = path.last().and_then(call_of).filter(|call| !call.is_qualified()) {
+                let signature = (call.name.to_string(), call.args.len());
+                self.called.entry(signature).or_default().insert(script.to_owned());
+            }
+            true
+        });
     }
 }
 

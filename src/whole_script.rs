@@ -1,7 +1,7 @@
-//! Compiles scripts of Rhai. The engine accepts a script whose last comment does not end, and skips the code in this
+//! Compiles scripts of Rhai, and finds their calls. The engine accepts a script whose last comment does not end, and skips the code in this
 //! comment. Here it is an error.
 
-use rhai::{AST, Engine, ParseError, ParseErrorType, Position};
+use rhai::{AST, ASTNode, Engine, Expr, FnCallExpr, ParseError, ParseErrorType, Position, Stmt};
 
 /// Maximum number of positions at which an open comment is searched.
 const SEARCHED: usize = 16;
@@ -22,6 +22,15 @@ pub(crate) fn compile(engine: &Engine, text: &str) -> Result<AST, ParseError> {
     let position = begin.map_or(Position::NONE, |(at, _)| position(text.get(..at).unwrap_or_default()));
     let missing = ParseErrorType::MissingToken("*/".to_owned(), "to end this comment".to_owned());
     Err(ParseError(Box::new(missing), position))
+}
+
+/// Returns the call of a function or method that a node of the syntax tree is.
+pub(crate) fn call_of<'a>(node: &ASTNode<'a>) -> Option<&'a FnCallExpr> {
+    match node {
+        ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _))
+        | ASTNode::Stmt(Stmt::FnCall(call, _)) => Some(call),
+        _ => None,
+    }
 }
 
 /// True if a comment is open at the end of a text that the engine accepts: `*/` is an error outside of comments.

@@ -34,6 +34,11 @@ pub trait Bells {
     /// For the client: true if the emulator to which these bells belong has ended in an orderly way, or another emulator has
     /// taken its place. Called before each request, because an emulator that was started later uses the same channel.
     fn emulator_has_ended(&self) -> bool;
+
+    /// For the client: true if the emulator's process has ended without an orderly end of the emulator.
+    fn emulator_was_killed(&self) -> bool {
+        !self.emulator_has_ended() && !self.emulator_alive()
+    }
 }
 
 impl<T: Bells + ?Sized> Bells for std::sync::Arc<T> {

@@ -303,8 +303,7 @@ impl Client {
     }
 
     fn gone(&self) -> ClientError {
-        let is_killed = !self.bells.emulator_has_ended() && !self.bells.emulator_alive();
-        self.gone_with(is_killed.then_some(self.pid))
+        self.gone_with(self.bells.emulator_was_killed().then_some(self.pid))
     }
 
     fn gone_with(&self, killed: Option<u32>) -> ClientError {

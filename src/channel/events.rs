@@ -121,8 +121,7 @@ impl EventListener {
             }
             // An emulator that ends removes its port before it waits for its clients to leave.
             if self.service.dynamic_config().number_of_notifiers() == 0 || !self.bells.emulator_alive() {
-                let is_killed = !self.bells.emulator_has_ended() && !self.bells.emulator_alive();
-                let killed = is_killed.then(|| self.bells.emulator_pid());
+                let killed = self.bells.emulator_was_killed().then(|| self.bells.emulator_pid());
                 return Err(ClientError::EmulatorGone { instance: self.instance.clone(), killed });
             }
         }

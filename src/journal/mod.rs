@@ -73,6 +73,8 @@ pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
 pub use kind::{ArrivedFrame, EventKind, EventText, Octets, OctetsKind, Ring};
 pub use names::Names;
 pub use phases::PortPhase;
+#[cfg(feature = "script")]
+pub(crate) use phases::since;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
 pub use record::Record;

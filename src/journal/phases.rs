@@ -5,6 +5,8 @@
 //! or has dropped its oldest records.
 
 use super::event::Origin;
+#[cfg(feature = "script")]
+use super::{Record, State};
 use crate::layout::RegisterPhase;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
@@ -75,7 +77,7 @@ impl PhaseLog {
         for PhaseChange { entered, .. } in self.changes.iter().take_while(|change| change.seq < seq) {
             phases.insert(entered.port, entered.live);
         }
-        phases.into_iter().map(|(port, live)| PortPhase { port, live }).collect()
+        listed(phases)
     }
 
     /// True if a port changed its phase in one of the records with the numbers `from..end`.
@@ -101,6 +103,38 @@ impl PhaseLog {
         self.begin.clone_from(&self.now);
         self.known_from = end;
     }
+}
+
+/// Removes the records that end before the time `since_us` from a part of the journal. The first record after removed ones
+/// gets the phases that a reader needs ([`Record::phases`]).
+#[cfg(feature = "script")]
+pub(crate) fn since(records: Vec<Record>, since_us: u64) -> Vec<Record> {
+    let mut known = None::<BTreeMap<Origin, RegisterPhase>>;
+    let mut has_removed = false;
+    let needed = records.into_iter().filter_map(|mut record| {
+        if let Some(phases) = &record.phases {
+            known = Some(phases.iter().map(|it| (it.port, it.live)).collect());
+        } else if record.seq == 0 {
+            known = Some(BTreeMap::new());
+        }
+        let is_needed = record.time_us >= since_us;
+        if is_needed
+            && has_removed
+            && let Some(known) = &known
+        {
+            record.phases = Some(listed(known.clone()));
+        }
+        has_removed = !is_needed;
+        if let (Some(known), Some(State { origin, live, .. })) = (&mut known, record.event.get()) {
+            known.insert(origin, live);
+        }
+        is_needed.then_some(record)
+    });
+    needed.collect()
+}
+
+fn listed(phases: BTreeMap<Origin, RegisterPhase>) -> Arc<[PortPhase]> {
+    phases.into_iter().map(|(port, live)| PortPhase { port, live }).collect()
 }
 
 #[cfg(test)]

@@ -183,7 +183,7 @@ impl Attached {
     /// settings, and the client must attach again.
     pub fn check(&self) -> Result<(), MemoryError> {
         let header = self.header_snapshot();
-        self.check_words(header.generation.load(), header.state.load())?;
+        self.check_page(&header)?;
         if self.file.is_alive(&header) { Ok(()) } else { Err(dead(&self.file, &header)) }
     }
 
@@ -193,23 +193,20 @@ impl Attached {
     /// # Errors
     /// The emulator has stopped, or been replaced by another one.
     pub fn check_header(&self) -> Result<(), MemoryError> {
-        let (found, state) = match &self.header {
-            Some(header) => (header.generation.load(), header.state.load()),
-            None => {
-                let header = self.header_snapshot();
-                (header.generation.load(), header.state.load())
-            }
-        };
-        self.check_words(found, state)
+        match &self.header {
+            Some(header) => self.check_page(header),
+            None => self.check_page(&self.header_snapshot()),
+        }
     }
 
     /// Checks the words `generation` and `state` of the header page.
-    fn check_words(&self, found: u32, state: u32) -> Result<(), MemoryError> {
+    fn check_page(&self, header: &Header) -> Result<(), MemoryError> {
+        let found = header.generation.load();
         if found != self.generation {
             let path = self.file.path.clone();
             return Err(MemoryError::EmulatorRestarted { path, attached: self.generation, found });
         }
-        match State::from_code(state) {
+        match State::from_code(header.state.load()) {
             Some(state) if state.is_ending() => {
                 Err(MemoryError::EmulatorStopped { path: self.file.path.clone() })
             }

@@ -198,7 +198,7 @@ impl Verbs {
                 while !condition.call_within_context::<bool>(&context, ())? {
                     stage.act(|bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
                 }
-                stage.act(|bench| Ok(bench.now()?.saturating_sub(start))).map(int)
+                stage.act(|bench| bench.time_since(start)).map(int)
             }
         });
     }

@@ -26,7 +26,7 @@ pub(super) struct Imports {
     /// All requested files, without repetitions.
     imported: Rc<RefCell<Vec<PathBuf>>>,
     /// The functions of all scripts.
-    namesakes: Rc<RefCell<Namesakes>>,
+    namesakes: RefCell<Namesakes>,
 }
 
 /// `start.rhai:3 imports common.rhai`
@@ -49,13 +49,13 @@ impl core::fmt::Display for Import {
 }
 
 impl Imports {
-    /// Creates the imports of the scenario in file `scenario`. They append requested files to `imported`, and the functions
-    /// of the scripts to `namesakes`.
+    /// Creates the imports of the scenario in file `scenario`, which has the functions `own`. They append requested files to
+    /// `imported`.
     pub(crate) fn new(
         scenario: &Path,
         directory: &Path,
         imported: Rc<RefCell<Vec<PathBuf>>>,
-        namesakes: Rc<RefCell<Namesakes>>,
+        own: Namesakes,
     ) -> Self {
         Self {
             modules: RefCell::default(),
@@ -63,7 +63,7 @@ impl Imports {
             scenario: scenario.to_owned(),
             under_way: RefCell::default(),
             imported,
-            namesakes,
+            namesakes: own.into(),
         }
     }
 

@@ -7,6 +7,7 @@ use super::imports::Imports;
 use super::printed::Printed;
 use super::report::Outcome;
 use super::run::{Limits, broken, ended, limit, place};
+use crate::namesakes::Namesakes;
 use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{AST, Dynamic, Engine, ParseError, Scope};
@@ -32,7 +33,12 @@ impl Lines {
         let stage = Rc::new(RefCell::new(Stage::new(Some(bench), directory.to_owned(), limits.time_us)));
         let mut engine = engine(&stage);
         limit(&mut engine, limits, Instant::now());
-        engine.set_module_resolver(Imports::new(Path::new("shell"), directory, Rc::default(), Rc::default()));
+        engine.set_module_resolver(Imports::new(
+            Path::new("shell"),
+            directory,
+            Rc::default(),
+            Namesakes::default(),
+        ));
         let printed = Rc::new(RefCell::new(Printed::new(print)));
         let printing = Rc::clone(&printed);
         engine.on_print(move |line| {

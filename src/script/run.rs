@@ -188,19 +188,12 @@ fn run_on(
         Ok(text) => {
             let mut engine = engine(&stage);
             limit(&mut engine, limits, start);
-            let namesakes = Rc::default();
-            engine.set_module_resolver(Imports::new(
-                file,
-                &directory,
-                Rc::clone(&imported),
-                Rc::clone(&namesakes),
-            ));
             let printing = Rc::clone(&printed);
             engine.on_print(move |line| printing.borrow_mut().line(line));
             let printing = Rc::clone(&printed);
             engine.on_debug(move |line, _, _| printing.borrow_mut().line(line));
             let at_end = prepare(&mut engine, &stage);
-            let outcome = run_text(&engine, file, &text, &directory, &stage, (limits, &namesakes));
+            let outcome = run_text(&mut engine, file, &text, &directory, &stage, &imported, limits);
             if let Some(at_end) = at_end {
                 at_end(&outcome);
             }
@@ -231,12 +224,13 @@ fn run_on(
 }
 
 fn run_text(
-    engine: &Engine,
+    engine: &mut Engine,
     file: &Path,
     text: &str,
     directory: &Path,
     stage: &Rc<RefCell<Stage>>,
-    (limits, namesakes): (Limits, &RefCell<Namesakes>),
+    imported: &Rc<RefCell<Vec<PathBuf>>>,
+    limits: Limits,
 ) -> Outcome {
     let ast = match whole_script::compile(engine, text) {
         Ok(ast) => ast,
@@ -246,10 +240,8 @@ fn run_text(
             return broken(&what, place);
         }
     };
-    // The first script has no namesakes yet; an import can be refused because of them.
-    if let Err(why) = namesakes.borrow_mut().add(&file.display().to_string(), &ast) {
-        return broken(&why, place(file, None));
-    }
+    let own = Namesakes::of(&file.display().to_string(), &ast);
+    engine.set_module_resolver(Imports::new(file, directory, Rc::clone(imported), own));
     #[cfg(feature = "cli")]
     stage.borrow_mut().set_calls_plant(super::debug::calls(&ast, "plant"));
     let mut scope = Scope::new();

@@ -58,7 +58,12 @@ impl Bench {
         while !condition(self)? {
             self.pass_or_fail(start, within_us, at)?;
         }
-        Ok(self.now()?.saturating_sub(start))
+        self.time_since(start)
+    }
+
+    /// Returns the emulated time since `start_us`, or 0 if another client has taken the plant back to an earlier moment.
+    pub(in crate::script) fn time_since(&mut self, start_us: u64) -> Result<u64, ScenarioError> {
+        Ok(self.now()?.saturating_sub(start_us))
     }
 
     /// Advances the clock to the next event during a wait that began at `start_us`. Fails if the end of the wait is
@@ -181,8 +186,7 @@ impl Bench {
         let us = self.span(within)?;
         let start = self.now()?;
         let Err(found) = self.wait_op(register.spot, mask, value, us)? else {
-            // Another client may have taken the plant back to an earlier moment.
-            return Ok(self.now()?.saturating_sub(start));
+            return self.time_since(start);
         };
         let live = self.live(register)?;
         let expected = expected(register, live, mask, value);

@@ -290,16 +290,13 @@ impl Bench {
         Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
     }
 
-    /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps. A text of
-    /// these records names the right registers only if it has also seen the earlier records
-    /// ([`Format::skip`](crate::journal::Format::skip)).
+    /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps.
     ///
     /// # Errors
     /// The emulator of the instance has ended.
     pub fn journal(&mut self, since: u64) -> Result<Vec<Record>, ScenarioError> {
-        let (mut records, _) = self.records(0)?;
-        records.retain(|record| record.time_us >= since);
-        Ok(records)
+        let (records, _) = self.records(0)?;
+        Ok(crate::journal::since(records, since))
     }
 
     /// Waits for the first frame that matches and ends after the call.

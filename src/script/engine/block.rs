@@ -126,7 +126,7 @@ impl Block {
         loop {
             self.call(bench)?;
             if self.is(output)? {
-                return Ok(bench.now()?.saturating_sub(start));
+                return bench.time_since(start);
             }
             let late = bench.now()? >= start.saturating_add(within_us);
             if late || has_error && self.is("x_ERR")? {

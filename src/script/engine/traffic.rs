@@ -3,7 +3,6 @@
 use super::arguments::{data_bytes, identifier, number, span};
 use super::{Verbs, held, int, record_map};
 use crate::devices;
-use crate::journal::Format;
 use crate::journal::text::Text;
 use crate::script::{Bench, ScenarioError, SeenFrame};
 use rhai::{Array, Dynamic, INT, Map};
@@ -101,17 +100,9 @@ impl Verbs {
             move |since: INT| {
                 stage.act(|bench| {
                     let since = number(since, "time")?;
-                    // Earlier records decide which registers a record names.
-                    let records = bench.journal(0)?;
+                    let records = bench.journal(since)?;
                     let mut text = Text::new(bench.names().clone(), devices::catalogue());
-                    let mut maps = Vec::new();
-                    for record in &records {
-                        if record.time_us < since {
-                            text.skip(record);
-                        } else {
-                            maps.push(record_map(record, &mut text));
-                        }
-                    }
+                    let maps: Vec<_> = records.iter().map(|record| record_map(record, &mut text)).collect();
                     held(maps, &format!("journal({since})"), LATER)
                 })
             }

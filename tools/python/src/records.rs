@@ -75,20 +75,15 @@ pub(crate) struct Record {
 /// # Errors
 /// The instance has ended.
 pub(crate) fn records(bench: &mut Bench, since: u64) -> Result<Vec<Record>, ScenarioError> {
-    // Earlier records decide which registers a record names.
-    let records = bench.journal(0)?;
+    let records = bench.journal(since)?;
     let mut text = Text::new(bench.names().clone(), devices::catalogue());
-    let record = |record: &commram::journal::Record| {
-        if record.time_us < since {
-            text.skip(record);
-            return None;
-        }
+    let record = |record| {
         let mut line = String::new();
         text.record(record, &mut line);
         let (kind, line) = (record.event.kind().name().to_owned(), line.trim().to_owned());
-        Some(Record { time: record.time_us, kind, count: record.count, text: line })
+        Record { time: record.time_us, kind, count: record.count, text: line }
     };
-    Ok(records.iter().filter_map(record).collect())
+    Ok(records.iter().map(record).collect())
 }
 
 #[pymethods]

@@ -11,6 +11,7 @@ use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
 use crate::layout::{DeviceLayout, Owner, did_you_mean};
 use crate::namesakes::Namesakes;
+use crate::whole_script::call_of;
 use core::cell::RefCell;
 use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
@@ -156,15 +157,14 @@ impl Named {
             self.functions.extend(functions(ast));
         }
         ast.walk(&mut |path: &[ASTNode<'_>]| {
+            if let Some(call) = path.last().and_then(call_of) {
+                self.used.insert(call.name.to_string());
+                // The walk through the syntax tree does not visit all arguments of a call, so they are
+                // visited here.
+                let texts = (0..call.args.len()).filter_map(|argument| text(call, argument));
+                self.used.extend(texts.map(str::to_owned));
+            }
             match path.last() {
-                Some(ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _)))
-                | Some(ASTNode::Stmt(Stmt::FnCall(call, _))) => {
-                    self.used.insert(call.name.to_string());
-                    // The walk through the syntax tree does not visit all arguments of a call, so they are
-                    // visited here.
-                    let texts = (0..call.args.len()).filter_map(|argument| text(call, argument));
-                    self.used.extend(texts.map(str::to_owned));
-                }
                 Some(ASTNode::Expr(Expr::StringConstant(text, _))) => {
                     self.used.insert(text.to_string());
                 }
