@@ -18,6 +18,12 @@ use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::ffi::OsStr;
 
+/// Returns the place at which the word at the end of a text begins. Characters between words may have several bytes, such
+/// as the no-break space.
+pub(super) fn start_of_word(before: &str) -> usize {
+    before.trim_end_matches(|letter: char| !letter.is_whitespace()).len()
+}
+
 /// Makes a completer for `#[arg(add = ...)]` from a function that lists candidates.
 fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
     ArgValueCompleter::new(move |current: &OsStr| current.to_str().map(list).unwrap_or_default())

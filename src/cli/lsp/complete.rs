@@ -5,7 +5,7 @@ use super::scenario::{ScriptKind, ScriptView};
 use super::scenes::Scene;
 use super::signature::signature;
 use super::tokens::TokenKind;
-use crate::cli::complete::{NamedValue, PlcScope};
+use crate::cli::complete::{NamedValue, PlcScope, start_of_word};
 use crate::cli::map::entry::firsts;
 use crate::devices;
 use crate::layout::Fit;
@@ -201,7 +201,7 @@ fn values(
 fn fault(scene: &Scene, text: &str, content: Range<usize>, offset: usize) -> (Vec<Proposal>, Range<usize>) {
     let whole = text.get(content.clone()).unwrap_or_default();
     let at = offset - content.start;
-    let start = whole[..at].rfind(char::is_whitespace).map_or(0, |blank| blank + 1);
+    let start = start_of_word(&whole[..at]);
     let end = whole[at..].find(char::is_whitespace).map_or(whole.len(), |blank| at + blank);
     let range = content.start + start..content.start + end;
     if whole[..start].trim().is_empty() {

@@ -3,6 +3,7 @@
 use super::scenario::ScriptView;
 use super::scenes::Scene;
 use super::signature::description;
+use crate::cli::complete::start_of_word;
 use crate::cli::map;
 use crate::devices;
 use crate::layout::split_plc;
@@ -56,7 +57,7 @@ pub(super) fn register(scene: &mut Scene, text: &str) -> Option<String> {
 
 /// Returns the description of the kind of fault or of the field at a byte of the text, and the range of the word.
 fn fault(text: &str, at: usize) -> Option<(String, Range<usize>)> {
-    let start = text[..at.min(text.len())].rfind(char::is_whitespace).map_or(0, |blank| blank + 1);
+    let start = start_of_word(&text[..at.min(text.len())]);
     let word = text[start..].split_whitespace().next()?;
     let range = start..start + word.len();
     let kind_name = text.split_whitespace().next()?.replace('-', "_");

@@ -210,6 +210,8 @@ fn registers_values_faults_and_verbs_are_completed() {
         ("fault(\"lose_frame slot=WRC1 ¦\")", "count="),
         ("fault(\"lose_frame slot=¦\")", "slot=WRC1"),
         ("fault(\"lose_frame bus=¦\")", "bus=drives"),
+        // A no-break space has two bytes.
+        ("fault(\"lose_frame\u{A0}slot=¦\")", "slot=WRC1"),
         ("wait(\"node2.w_OPTION_STATUS\", 2, \"¦\")", "1ms"),
         ("wait(\"node2.w_OPTION_STATUS\", 2, ¦)", "\"1ms\""),
         ("step(\"¦\")", "1ms"),

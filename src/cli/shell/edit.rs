@@ -118,7 +118,7 @@ fn completed(before: &str, instance: &str, command: &clap::Command) -> (usize, V
         words
     };
     if words::is_command(before, command) && before.contains(char::is_whitespace) {
-        let begin = before.rfind(char::is_whitespace).map_or(0, |at| at + 1);
+        let begin = complete::start_of_word(before);
         let (Some(mut words), word) = (words::split(&before[..begin]), &before[begin..]) else {
             return (begin, Vec::new());
         };
@@ -171,6 +171,8 @@ mod tests {
             complete("poke node2.w_CPU_CONTROL=hand"),
             (5, vec!["node2.w_CPU_CONTROL=handshake".to_owned()])
         );
+        // A no-break space has two bytes.
+        assert_eq!(complete("peek\u{A0}node2.w_OPTION_S").0, "peek\u{A0}".len());
         assert_eq!(complete("peek --ra"), (5, vec!["--raw".to_owned()]));
     }
 }
