@@ -4,7 +4,7 @@
 use super::seat::GuestTurn;
 use super::slcan::{Rate, Status};
 use super::wire::{Adapter, BadLength, BusMessage};
-use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
+use super::{DoorSpec, OCTETS_TO_PLANT, ROOM_TO_GUEST, ROOM_TO_PLANT};
 use crate::can::ErrorState;
 use crate::identity::BusIndex;
 use crate::profibus::BusRate;
@@ -35,6 +35,10 @@ struct Inner {
     /// True if the guest has ever taken part or listened.
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
+    /// Number of octets in `to_plant`.
+    octets_to_plant: usize,
+    /// True if the thread of the doors reads nothing from the guest, because there is no room.
+    is_held: bool,
     to_guest: VecDeque<GuestMessage>,
     seat: GuestTurn,
     /// Bit time until which the guest requests emulated time; `None` if the guest has made no such request.
@@ -145,11 +149,35 @@ impl Guest {
         self.inner().to_plant.front().cloned()
     }
 
+    /// True if messages without room wait in the connection of the guest. The clock waits for a guest with a seat, so
+    /// such a guest must not wait for the clock.
+    fn waits_for_room(&self, inner: &Inner) -> bool {
+        inner.seat == GuestTurn::Free && !self.door.protocol().answers_refusals()
+    }
+
+    /// True if the thread of the doors may read from the guest. If not, the plant resumes the guest later
+    /// ([`Guest::resume`]).
+    pub(crate) fn may_be_read(&self) -> bool {
+        let mut inner = self.inner();
+        inner.is_held = inner.octets_to_plant >= OCTETS_TO_PLANT && self.waits_for_room(&inner);
+        !inner.is_held
+    }
+
+    /// Returns true once if the thread of the doors was waiting for room, and there is room now.
+    #[must_use]
+    pub fn resume(&self) -> bool {
+        let mut inner = self.inner();
+        let may = inner.is_held && inner.octets_to_plant < OCTETS_TO_PLANT;
+        inner.is_held &= !may;
+        may
+    }
+
     /// Removes the next message from the guest. `was_taken` is true if the bus has taken it, and false if the bus has
     /// finally refused it.
     pub fn sent(&self, was_taken: bool) {
         let mut inner = self.inner();
-        inner.to_plant.pop_front();
+        let octets = inner.to_plant.pop_front().map_or(0, |message| message.octets());
+        inner.octets_to_plant -= octets;
         inner.refused += u64::from(!was_taken);
     }
 
@@ -254,6 +282,7 @@ impl Guest {
     pub(super) fn give_up_unsent(&self) {
         let mut inner = self.inner();
         inner.to_plant.clear();
+        inner.octets_to_plant = 0;
         inner.is_given_up = true;
     }
 
@@ -293,9 +322,10 @@ impl Adapter for &Guest {
 
     fn send(&mut self, message: BusMessage) -> bool {
         let mut inner = self.inner();
-        let has_room = inner.to_plant.len() < ROOM_TO_PLANT;
+        let has_room = inner.to_plant.len() < ROOM_TO_PLANT || self.waits_for_room(&inner);
         let may = inner.open == Some(false) && inner.seat.may_speak() && has_room;
         if may {
+            inner.octets_to_plant += message.octets();
             inner.to_plant.push_back(message);
         } else {
             inner.refused += 1;

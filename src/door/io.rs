@@ -171,6 +171,9 @@ struct GuestConnection {
     session: Box<dyn GuestSession>,
     /// True if more input may wait.
     has_more: bool,
+    /// True if the guest has sent all that it will send. Then all of it is read, even without room, so that the guest
+    /// frees its place.
+    is_closed: bool,
     /// True if the guest has sent any byte.
     has_spoken: bool,
     unwritten: Vec<u8>,
@@ -206,7 +209,7 @@ enum Presence {
 
 impl GuestConnection {
     fn may_read(&self) -> bool {
-        self.has_more && self.unwritten.len() < MOST_UNWRITTEN
+        self.has_more && self.unwritten.len() < MOST_UNWRITTEN && (self.is_closed || self.guest.may_be_read())
     }
 
     /// True if this is a TCP connection that has sent no byte and has never taken part.
@@ -330,7 +333,10 @@ impl Io {
             }
             for event in &events {
                 if let Some(Station::Guest(connection)) = self.stations.get_mut(&event.token().0) {
-                    connection.has_more |= event.is_readable() || event.is_read_closed() || event.is_error();
+                    let is_closed = event.is_read_closed() || event.is_error();
+                    connection.has_more |= event.is_readable() || is_closed;
+                    // A pseudo-terminal reports this, too, if a program closes it, but other programs may follow.
+                    connection.is_closed |= is_closed && matches!(connection.line, Line::Tcp(_));
                 }
             }
             if !self.obey() {
@@ -416,10 +422,11 @@ impl Io {
             self.retry = self.retry.into_iter().chain(retry).min();
         }
         for (door, bus, spec, stream) in come {
-            // Frames are small and must not be delayed, and the operating system must not buffer many frames for a
-            // guest that does not read.
+            // Frames are small and must not be delayed, and the operating system must not buffer many frames for or
+            // from a guest that is not served.
             let _ = stream.set_nodelay(true);
             let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
+            let _ = rustix::net::sockopt::set_socket_recv_buffer_size(&stream, MOST_UNWRITTEN);
             if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
                 self.shared.refuse(door);
                 if let Some(others) = self.complaints.complains(Instant::now()) {
@@ -449,8 +456,16 @@ impl Io {
         let guest = guest.map_err(io::Error::other)?;
         let session = spec.protocol().begin(spec.carrier(), &mut &*guest);
         let unwritten = Vec::new();
-        let connection =
-            GuestConnection { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
+        let connection = GuestConnection {
+            line,
+            door,
+            guest,
+            session,
+            has_more: true,
+            is_closed: false,
+            has_spoken: false,
+            unwritten,
+        };
         self.stations.insert(token, Station::Guest(Box::new(connection)));
         (self.ring)();
         Ok(())
@@ -477,6 +492,7 @@ impl Io {
     fn remove(&mut self, token: usize) {
         if let Some(Station::Guest(mut connection)) = self.stations.remove(&token) {
             // Messages that the guest sent before it disconnected are still valid.
+            connection.is_closed = true;
             for _ in 0..ROOM_TO_GUEST {
                 if !connection.may_read() || connection.read().1 == Presence::Leaves {
                     break;

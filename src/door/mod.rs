@@ -38,8 +38,12 @@ pub const MAX_GUESTS: usize = 64;
 /// is reached, the last frames of the guest that disconnected first are discarded.
 pub const MAX_KNOWN_GUESTS: usize = 192;
 /// Maximum number of frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets
-/// an error answer, if the protocol has an error answer.
+/// an error answer, if the protocol has an error answer. The clock waits for a guest with a seat, so the further
+/// telegrams of such a guest are refused and counted. All others are limited by [`OCTETS_TO_PLANT`].
 pub const ROOM_TO_PLANT: usize = 1024;
+/// If a guest has sent this number of octets, and the plant has not taken them, the doors read no more from the guest.
+/// Its further octets wait in the buffers of the operating system, so that none is lost.
+pub const OCTETS_TO_PLANT: usize = 1 << 16;
 /// Maximum number of frames or telegrams that wait until a guest takes them. If there are more, they are dropped and
 /// counted.
 pub const ROOM_TO_GUEST: usize = 4096;

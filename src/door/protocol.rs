@@ -44,6 +44,12 @@ pub(super) trait Protocol: Sync {
         None
     }
 
+    /// True if a message without room is refused with an error answer. In other protocols the further messages of the
+    /// guest wait in its connection, because the guest would not learn that they are lost.
+    fn answers_refusals(&self) -> bool {
+        false
+    }
+
     /// Begins the session of a guest over this carrier.
     fn begin(&self, carrier: Carrier, adapter: &mut dyn Adapter) -> Box<dyn GuestSession>;
 }

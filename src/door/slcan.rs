@@ -112,6 +112,10 @@ impl Protocol for Slcan {
         Some(2)
     }
 
+    fn answers_refusals(&self) -> bool {
+        true
+    }
+
     fn begin(&self, _: Carrier, _: &mut dyn Adapter) -> Box<dyn GuestSession> {
         Box::new(Session::default())
     }

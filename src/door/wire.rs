@@ -14,6 +14,16 @@ pub enum BusMessage {
     Burst(Burst),
 }
 
+impl BusMessage {
+    /// Number of octets on the bus; 0 for a frame of CAN.
+    pub(super) fn octets(&self) -> usize {
+        match self {
+            BusMessage::Frame(_) => 0,
+            BusMessage::Burst(burst) => burst.octets.len(),
+        }
+    }
+}
+
 #[cfg(test)]
 impl BusMessage {
     /// Creates a message of a guest on PROFIBUS.

@@ -111,6 +111,10 @@ impl Guests {
     /// Carries out the requests of the last check.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         bring_in_all(&mut self.present, |_| true, plant, is_stepped);
+        // Every guest with room must be resumed, so the loop uses `count`, which visits all guests.
+        if self.present.iter().filter(|it| it.guest.resume()).count() > 0 {
+            self.doors.announce();
+        }
         self.forget_departed();
     }
 
@@ -339,7 +343,11 @@ impl GuestEntry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::door::BusMessage;
     use crate::memory::Segment;
+    use std::io::Write;
+    use std::net::TcpStream;
+    use std::time::{Duration, Instant};
 
     const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
 
@@ -371,6 +379,58 @@ mod tests {
         plant.advance_to(10_000);
         guests.send_heard(&mut plant);
         assert_eq!(other.heard(), 1);
+    }
+
+    /// A guest cannot see that octets are lost. So it waits, however it divides its octets into pieces.
+    #[test]
+    fn octets_of_a_guest_wait_for_the_plant_and_are_never_refused() {
+        let (config, mut plant) = plant(
+            "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'serial'\nwires = 2\nbaud_rate = 38400\ndoors = ['serial-tcp:127.0.0.1:0']\n",
+        );
+        let mut guests = Guests::new(&config, true, || {}).unwrap();
+        let other = Guest::of_a_test(BusIndex(0), 99);
+        other.opens();
+        guests.present.push(GuestEntry::new(Arc::clone(&other)));
+        guests.enter(&mut plant, true);
+        let door = guests.open_doors(BusIndex(0)).remove(0).door.to_string();
+        let mut stream = TcpStream::connect(door.strip_prefix("serial-tcp:").unwrap()).unwrap();
+        stream.set_nodelay(true).unwrap();
+        let until = |what: &str, is_reached: &mut dyn FnMut() -> bool| {
+            let begin = Instant::now();
+            while !is_reached() {
+                assert!(begin.elapsed() < Duration::from_secs(60), "{what}");
+                std::thread::yield_now();
+            }
+        };
+        until("the guest takes part", &mut || {
+            guests.enter(&mut plant, true);
+            guests.present.len() == 2
+        });
+        let one = Arc::clone(&guests.present[0].guest);
+        for count in 1..=2000 {
+            stream.write_all(&[count as u8]).unwrap();
+            until("the octet waits", &mut || one.waiting() == count);
+        }
+        const MORE: usize = 200_000;
+        let writer = std::thread::spawn(move || {
+            stream.write_all(&(2001..=2000 + MORE).map(|count| count as u8).collect::<Vec<_>>()).unwrap();
+            stream
+        });
+        until("there is no more room", &mut || !one.may_be_read());
+        let mut heard = 0;
+        until("all octets arrive", &mut || {
+            guests.enter(&mut plant, true);
+            plant.advance_to(plant.now() + 1_000_000);
+            while let Some(BusMessage::Burst(burst)) = other.hears() {
+                for octet in burst.octets {
+                    heard += 1;
+                    assert_eq!(octet, heard as u8, "octet {heard}");
+                }
+            }
+            heard == 2000 + MORE
+        });
+        assert_eq!((one.state().refused, other.state().dropped), (0, 0));
+        drop(writer.join().unwrap());
     }
 
     /// A guest that has disconnected frees its place. Otherwise a program that connects and leaves repeatedly would

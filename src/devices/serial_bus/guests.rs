@@ -6,8 +6,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Most waiting octets of a guest; further octets wait at its door.
-const ROOM: usize = 4096;
+/// If so many octets of a guest wait, further octets wait at its door.
+const ROOM: usize = crate::door::OCTETS_TO_PLANT;
 
 /// Sender numbers on the line from this number on are guests.
 const FIRST: usize = 1 << 16;
@@ -119,8 +119,9 @@ impl Guests {
     /// Queues octets of a guest.
     pub(super) fn enqueue(&mut self, number: u8, octets: &[u8]) -> Result<(), GuestRefusal> {
         let guest = self.get(number).ok_or(GuestRefusal::NotHere)?;
-        // A guest without waiting octets may exceed the room, so that no message waits for ever.
-        if !guest.queue.is_empty() && guest.queue.len() + octets.len() > ROOM {
+        // The last message may exceed the room, so that every octet up to the limit enters, whatever the sizes of the
+        // messages are.
+        if guest.queue.len() >= ROOM {
             return Err(GuestRefusal::Full);
         }
         guest.queue.extend(octets);
