@@ -151,7 +151,7 @@ impl Text {
 fn describe(field: &'static BitField, value: u32) -> (String, Provenance) {
     let part = field.of(value);
     let text = if field.reserved {
-        if part == 0 { String::new() } else { format!("reserved bits {} set", bit_range(field)) }
+        if part == 0 { String::new() } else { reserved(field, part << field.first) }
     } else if let Some(known) = ValueMeaning::find(field.values, part) {
         return (known.text.replace("{}", &part.to_string()), known.source);
     } else if field.first == field.last {
@@ -162,12 +162,10 @@ fn describe(field: &'static BitField, value: u32) -> (String, Provenance) {
     (text, field.source)
 }
 
-fn bit_range(field: &BitField) -> String {
-    if field.first == field.last {
-        field.first.to_string()
-    } else {
-        format!("{}-{}", field.first, field.last)
-    }
+/// Names the reserved bits that are set, with all digits of the bytes up to the field's last bit.
+fn reserved(field: &BitField, bits: u32) -> String {
+    let plural = if bits.is_power_of_two() { "" } else { "s" };
+    format!("reserved bit{plural} 16#{bits:0digits$X} set", digits = 2 * (field.last as usize / 8 + 1))
 }
 
 #[cfg(test)]
@@ -225,7 +223,7 @@ mod tests {
         assert_eq!(decode("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x7F), "assigned, high word of value 31");
         assert_eq!(
             decode("node1._CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x5F),
-            "assigned, high word of value 7, reserved bits 6-7 set"
+            "assigned, high word of value 7, reserved bit 16#40 set"
         );
     }
 

@@ -288,6 +288,22 @@ fn a_ring_with_too_many_characters_is_discarded() {
 }
 
 #[test]
+fn a_count_of_characters_that_have_not_arrived_is_found() {
+    let (mut plant, a, b) = ready(4);
+    b.0.u_RX_TAIL.store(1);
+    a.send(&[5]);
+    plant.advance_to(10_000);
+    assert_eq!(
+        (findings(&plant), b.status()),
+        (vec!["serial-ring"], serial_status::READY | serial_status::OVERRUN)
+    );
+    b.0.u_RX_TAIL.store(0);
+    a.send(&[6]);
+    plant.advance_to(20_000);
+    assert_eq!(b.receive(), [6 | serial_received::OVERRUN]);
+}
+
+#[test]
 fn a_port_makes_and_receives_breaks() {
     let (mut plant, a, b) = ready(4);
     a.send(&[0x41, serial_transmitted::BREAK, 0x42]);

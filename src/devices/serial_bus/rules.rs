@@ -24,5 +24,7 @@ rules! {
          only when the protocol gives the program the turn.";
     SERIAL_RING: 40, "serial-ring", Error, "D-855",
         "u_TX_HEAD is more than 256 characters ahead of u_TX_TAIL, so characters were overwritten before they were sent, \
-         and the port has discarded all of them. Wait until a_TX has room before storing more characters.";
+         and the port has discarded all of them: wait until a_TX has room before storing more characters. Or u_RX_TAIL is \
+         ahead of u_RX_HEAD, so the port regards a_RX as full and loses what it receives: store only counts of characters \
+         that the port has received.";
 }

@@ -110,8 +110,8 @@ def decode(meaning: str, value: int, width: int) -> str:
         part = (value >> first) & mask
         described |= mask << first
         if reserved:
-            span = str(first) if first == last else f"{first}-{last}"
-            found = f"reserved bits {span} set" if part else ""
+            plural = "" if part & (part - 1) == 0 else "s"
+            found = f"reserved bit{plural} {_hex(part << first, last // 8 + 1)} set" if part else ""
         else:
             found = (one if part else zero) if first == last else field_text.replace("{}", str(part))
             found, source = _known_value(field_values, part) or (found, source)

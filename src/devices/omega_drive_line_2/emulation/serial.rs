@@ -248,7 +248,12 @@ impl SerialPort for Serial {
     }
 
     fn received(&mut self, ctx: &mut Context, received: Received) {
-        if self.received.wrapping_sub(self.registers.u_RX_TAIL.load()) >= RING {
+        let tail = self.registers.u_RX_TAIL.load();
+        let unread = self.received.wrapping_sub(tail);
+        if unread >= RING {
+            if unread > RING {
+                find(ctx, &rules::SERIAL_RING, offset_of!(SERIAL_BMSTRUCT, u_RX_TAIL), tail.into());
+            }
             self.status |= serial_status::OVERRUN;
             self.has_lost = true;
             self.show();
