@@ -1,6 +1,7 @@
 //! Errors in addresses and register names.
 
 use super::descriptor::Role;
+use super::value::article;
 
 /// An address or a register name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -16,7 +17,7 @@ pub enum LayoutError {
         known: String,
     },
     /// A bit number above the limit.
-    #[error("{text}: a {of} has bits 0 to {last}, not {bit}")]
+    #[error("{text}: {} {of} has bits 0 to {last}, not {bit}", article(.of))]
     BadBit {
         /// Address with its bit number, as the user wrote it.
         text: String,

@@ -40,7 +40,7 @@ pub enum ValueError {
         values: String,
     },
     /// The number is outside the range of the data type.
-    #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
+    #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(.ty.name()))]
     Range {
         /// Number outside the range of the data type, as the user wrote it.
         text: String,
@@ -185,8 +185,8 @@ fn limits(ty: RegType) -> [i64; 2] {
     }
 }
 
-fn article(ty: RegType) -> &'static str {
-    if matches!(ty, RegType::Int | RegType::Usint | RegType::Uint | RegType::Udint) { "an" } else { "a" }
+pub(super) fn article(name: &str) -> &'static str {
+    if name.starts_with(['I', 'U']) { "an" } else { "a" }
 }
 
 #[cfg(test)]

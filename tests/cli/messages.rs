@@ -112,4 +112,5 @@ fn the_map_describes_a_single_bit() {
     }
     assert!(!by_name.out.contains("bit 6"), "{}", by_name.out);
     assert!(refused(&["map", "node1.w_CANsync_STATUS.16"]).contains("a WORD has bits 0 to 15, not 16"));
+    assert!(refused(&["map", "baps.i_ERR_DETAIL.16"]).contains("an INT has bits 0 to 15, not 16"));
 }
