@@ -11,7 +11,7 @@ mod tests;
 pub use file::{SnapshotFile, SnapshotFileError};
 
 use super::history::phase_in;
-use super::{LATEST_US, Plant, PlantConfig};
+use super::{LATEST_US, Plant};
 use crate::devices::{self, Device};
 use crate::identity::DeviceIndex;
 use crate::journal::{Origin, PortPhase, Rings};
@@ -176,9 +176,10 @@ impl Plant {
 
     /// Restores the snapshot in a file like [`Plant::restore`]. If the file contains the text of this plant's
     /// plant file and the settings still differ, the error names the cause: a changed file in the folder of a
-    /// device.
+    /// device. A device that has refused such a file does not continue from a snapshot.
     pub(crate) fn restore_file(&mut self, file: &SnapshotFile) -> Result<(), SnapshotError> {
-        let restored = self.restore(&file.snapshot);
+        let fits = self.fits(&file.snapshot).and_then(|()| self.has_present_files());
+        let restored = fits.and_then(|()| self.restore(&file.snapshot));
         if file.plant == *self.text {
             restored.map_err(|error| self.name_changed_folder(error))
         } else {
@@ -186,11 +187,30 @@ impl Plant {
         }
     }
 
+    /// Checks that all devices use the present files of their folders.
+    ///
+    /// # Errors
+    /// [`SnapshotError::ChangedFolder`]
+    fn has_present_files(&mut self) -> Result<(), SnapshotError> {
+        let refusing = self.devices.iter_mut().filter_map(|device| {
+            device.file_changes()?.has_refused().then(|| format!("PLC '{}'", device.name()))
+        });
+        let refusing: Vec<_> = refusing.collect();
+        match refusing.is_empty() {
+            true => Ok(()),
+            false => Err(self.name_changed_folder(SnapshotError::OtherSettings { what: listed(refusing) })),
+        }
+    }
+
     /// If a snapshot from the same plant file has other settings, replaces the error by one that names the
     /// cause. Only a changed file in the folder of a device can be the cause.
-    pub(crate) fn name_changed_folder(&self, error: SnapshotError) -> SnapshotError {
-        let config = PlantConfig::parse("plant", &self.text).ok();
-        let folders = config.map(|config| config.folders()).unwrap_or_default();
+    pub(crate) fn name_changed_folder(&mut self, error: SnapshotError) -> SnapshotError {
+        // The plant file is not read again for the folders, because a file in a folder may be wrong now.
+        let devices = self.devices.iter_mut();
+        let folders: Vec<_> = devices
+            .filter_map(|device| Some(device.file_changes()?.folder().display().to_string()))
+            .collect();
+        let folders = folders.join(", ");
         match error {
             SnapshotError::OtherSettings { what } if !folders.is_empty() => {
                 SnapshotError::ChangedFolder { what, folders }

@@ -91,8 +91,8 @@ pub trait Host {
         None
     }
 
-    /// Called when an operation is about to advance the stepped clock. A host that runs an instance with its own clock
-    /// then lets the devices take over files that users have changed.
+    /// Called when an operation is about to advance the stepped clock, to take a snapshot or to restore one. A host that
+    /// runs an instance with its own clock then lets the devices take over files that users have changed.
     fn take_over_files(&mut self) {}
 
     /// Called when the plant has moved to another moment of its history.

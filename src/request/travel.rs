@@ -277,6 +277,7 @@ pub(super) fn arrived(host: &mut dyn Host) {
 /// Keeps a snapshot for a client. Returns its number.
 pub(super) fn save(host: &mut dyn Host, client: u128) -> Result<u32, Refused> {
     stepped(host)?;
+    host.take_over_files();
     let (plant, travel) = host.plant_and_travel();
     let number = travel.saved.keep(client, plant)?;
     // Stores after this call must not count as stores before the snapshot, even if the clock does not advance in
@@ -296,8 +297,9 @@ pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
 /// Restores a kept snapshot.
 pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
-    let (_, travel) = host.plant_and_travel();
-    let saved = travel.saved.get(number)?;
+    host.plant_and_travel().1.saved.get(number)?;
+    host.take_over_files();
+    let saved = host.plant_and_travel().1.saved.get(number)?;
     let (snapshot, is_behind) = (saved.snapshot.clone(), saved.is_behind);
     go_to(host, &snapshot, is_behind)?;
     let (plant, travel) = host.plant_and_travel();

@@ -619,6 +619,42 @@ fn clients_of_a_running_instance_accept_changes_beside_the_registers() {
     place.edit("IO_DATA.toml", "\"w_OUTPUTS\"", "\"w_OUT\"");
 }
 
+/// A snapshot is compared with the files, also if the clock has not advanced since they changed.
+#[test]
+fn a_snapshot_is_compared_with_the_present_files() {
+    let place = Place::new();
+    let script = |text: &str| fs::write(place.card().join("firmware.rhai"), text).unwrap();
+    let (first, second) =
+        ("fn poll() { output(\"data.w_IN\", 1); }", "fn poll() { output(\"data.w_IN\", 2); }");
+    script(first);
+    fs::write(place.card().join("handshakes.toml"), "").unwrap();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.step(&["1ms"]);
+    let [saved, later] = ["saved.snapshot", "later.snapshot"].map(|name| place.path(name));
+    emulator.run("snapshot", &[&saved]).ok();
+    script(second);
+    let refused = || {
+        let refused = emulator.run("restore", &[&saved]);
+        let reason = "a file of PLC 'io' has changed since the snapshot";
+        assert!(refused.fails(2).contains(reason), "{}", refused.err);
+    };
+    refused();
+    // The snapshot belongs to the changed file.
+    script("fn poll() { output(\"data.w_IN\", 3); }");
+    emulator.run("snapshot", &[&later]).ok();
+    emulator.run("restore", &[&later]).ok();
+    script(first);
+    emulator.run("restore", &[&saved]).ok();
+    // A file that the device refuses has changed, too.
+    script("fn poll() {");
+    refused();
+    refused();
+    script(first);
+    emulator.run("restore", &[&saved]).ok();
+    emulator.step(&["1ms"]);
+    assert_eq!(emulator.peek(&["data.w_IN"]), "16#0001");
+}
+
 /// A running instance knows the faults that a folder declares, on the command line, in the journal and in snapshots.
 #[test]
 fn declared_faults_work_in_every_command() {

@@ -12,6 +12,7 @@ use crate::devices::{
 use crate::fault::{FaultKind, Faults, Owner};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
+use std::path::Path;
 
 /// Firmware of a device in a folder. It consists of parts, which run one after the other on the same
 /// registers.
@@ -191,5 +192,13 @@ impl FileChanges for FolderFirmware {
             self.each(ctx, |part, ctx, card| part.take_over(ctx, card, script));
         }
         Some(self.source.settings())
+    }
+
+    fn has_refused(&self) -> bool {
+        self.source.has_refused()
+    }
+
+    fn folder(&self) -> &Path {
+        self.source.folder()
     }
 }

@@ -101,6 +101,7 @@ pub(in crate::request) fn restore(host: &mut dyn Host, client: u128, detached: b
     let (_, travel) = host.plant_and_travel();
     let file = SnapshotFile::of_bytes(&travel.coming.take(client));
     let file = file.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
+    host.take_over_files();
     let restored = host.plant_mut().restore_file(&file);
     restored.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
     host.plant_and_travel().1.is_elsewhere();
