@@ -6,6 +6,8 @@
 
 #[cfg(feature = "emulator")]
 mod device_folders;
+#[cfg(feature = "emulator")]
+pub(crate) use device_folders::DeviceFolder;
 
 use super::private::PrivateDir;
 use super::process::ProcessId;

@@ -63,6 +63,8 @@ pub use guard::{end_on_shortened_files, survive_shortened_files};
 pub(crate) use guard::{page_size, survive_lost_channels, take_gap_of_thread};
 pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
+#[cfg(feature = "emulator")]
+pub(crate) use instance::DeviceFolder;
 pub use instance::InstanceLock;
 pub use list::{Condition, ImageInfo, ImageSummary, instances, list};
 #[cfg(feature = "emulator")]

@@ -447,7 +447,7 @@ impl Emulator {
 /// have.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;
-    let folders = config.devices.iter().filter_map(|device| device.folder());
+    let folders = config.devices.iter().filter_map(|device| Some((device.folder()?, device.has_script())));
     lock.publish_device_folders(folders, config.lines_of_controllers())?;
     match lock.remove_dead(|plc| config.devices.iter().any(|own| own.name() == plc)) {
         Err(error @ MemoryError::AlreadyRunning { .. }) => Err(error),

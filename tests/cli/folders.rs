@@ -619,6 +619,40 @@ fn clients_of_a_running_instance_accept_changes_beside_the_registers() {
     place.edit("IO_DATA.toml", "\"w_OUTPUTS\"", "\"w_OUT\"");
 }
 
+/// An editor may remove a script and create it again. The device keeps its script in between, and a new script has no effect.
+#[test]
+fn clients_of_a_running_instance_know_the_script_that_it_has() {
+    let place = Place::new();
+    let script = place.card().join("firmware.rhai");
+    fs::write(&script, "fn power_on() {}").unwrap();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    let saved = place.path("saved.snapshot");
+    emulator.run("snapshot", &[&saved]).ok();
+    fs::remove_file(&script).unwrap();
+    assert_eq!(emulator.peek(&["front.script"]), "16#00000000");
+    let refused = emulator.run("restore", &[&saved]);
+    assert!(
+        refused.fails(2).contains("a file of PLC 'io' has changed since the snapshot"),
+        "{}",
+        refused.err
+    );
+    let reloads = || emulator.run("trace", &["--kind", "reload"]).ok().to_owned();
+    assert!(reloads().contains("files not read again: firmware.rhai is missing"), "{}", reloads());
+    assert_eq!(emulator.peek(&["front.script"]), "16#00000000");
+    fs::write(&script, "fn power_on() {}").unwrap();
+    emulator.run("restore", &[&saved]).ok();
+    drop(emulator);
+
+    let place = Place::new();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    place.write("cards/digital-io/firmware.rhai", "fn power_on() {}");
+    emulator.step(&["1ms"]);
+    let trace = emulator.run("trace", &["--kind", "reload"]);
+    assert!(trace.ok().contains("firmware.rhai is new; start the instance again"), "{}", trace.out);
+    let refused = emulator.run("peek", &["front.script"]);
+    assert!(refused.fails(2).contains("unknown area `front`"), "{}", refused.err);
+}
+
 /// A snapshot is compared with the files, also if the clock has not advanced since they changed.
 #[test]
 fn a_snapshot_is_compared_with_the_present_files() {

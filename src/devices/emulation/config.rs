@@ -97,6 +97,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         None
     }
 
+    /// True if the device runs a script from its folder.
+    fn has_script(&self) -> bool {
+        false
+    }
+
     /// Returns the same device with another layout: a controller whose memory also has the registers of its option cards, or
     /// a card that has only its front panel in its image. `None` if the device keeps its layout.
     fn with_layout(&self, layout: &'static layout::DeviceLayout) -> Option<Arc<dyn DeviceConfig>> {
@@ -317,7 +322,7 @@ mod tests {
     #[test]
     fn device_defaults_are_empty() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());
-        assert_eq!(Silent.folder(), None);
+        assert_eq!((Silent.folder(), Silent.has_script()), (None, false));
         assert!(
             (0..8)
                 .map(PortNumber)

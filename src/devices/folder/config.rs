@@ -271,6 +271,10 @@ impl DeviceConfig for FolderConfig {
         Some(&self.dir)
     }
 
+    fn has_script(&self) -> bool {
+        self.folder.has_script()
+    }
+
     fn retain_bytes(&self) -> u32 {
         self.layout().retain.map_or(0, |retain| retain.default_bytes)
     }

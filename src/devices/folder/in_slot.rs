@@ -6,6 +6,7 @@
 use super::{Loaded, loaded, tables};
 use crate::devices::{OptionInterface, Registered, registry};
 use crate::layout::{Area, AreaStructure, DeviceLayout, Port, Space, Unit};
+use crate::memory::DeviceFolder;
 use crate::memory::header::{AREAS, TABLE_NAME_LENGTH};
 use std::path::Path;
 use twox_hash::XxHash3_64;
@@ -246,15 +247,16 @@ pub(crate) fn line<'p>(controller: &str, cards: impl IntoIterator<Item = (u8, &'
 }
 
 /// Makes the layout of a controller that a line describes. If a folder cannot be read, the image of the controller is
-/// later refused for its unknown layout hash.
-pub(super) fn read_line(line: &str) -> Option<()> {
+/// later refused for its unknown layout hash. `folders` are those of the instance.
+pub(super) fn read_line(line: &str, folders: &[DeviceFolder]) -> Option<()> {
     let mut words = line.split('\t');
     let controller = registry::find(words.next()?)?;
     let mut cards = Vec::new();
     while let (Some(number), Some(dir)) = (words.next(), words.next()) {
         let number: u8 = number.parse().ok()?;
         let interface = controller.emulation.option_interfaces.iter().find(|it| it.number == number)?;
-        let card = super::load_registers(Path::new(dir)).ok()?.layout;
+        let folder = folders.iter().find(|folder| folder.path == Path::new(dir))?;
+        let card = super::load_registers(folder).ok()?.layout;
         face_of(card).ok()?;
         cards.push((*interface, card));
     }

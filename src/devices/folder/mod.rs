@@ -56,8 +56,8 @@ use script::Script;
 use super::{Emulation, Registered, can_bus, profibus_bus, registry};
 use crate::fault::FaultKind;
 use crate::layout::DeviceLayout;
-use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
+use crate::memory::{DeviceFolder, InstanceLock};
 use crate::plain_text::is_interpreted;
 use commram_layoutc::Layout;
 use commram_layoutc::model::{Device, FieldType};
@@ -348,16 +348,18 @@ pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
-/// Reads the registers of the device in the folder `dir`, and the faults that the folder declares. A client
-/// of a running device needs only these. So it does not matter if the handshakes or the script are wrong.
+/// Reads the registers of the device in the folder, and the faults that the folder declares. A client
+/// of a running device needs only these. So it does not matter if the handshakes or the script are wrong or
+/// missing.
 ///
 /// # Errors
 /// Like [`load`], for the files with registers.
-fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
+fn load_registers(folder: &DeviceFolder) -> Result<&'static Registered, FolderError> {
+    // The device keeps its script while the file is missing. A new script has no effect.
+    let DeviceFolder { path: dir, has_script } = folder;
     let mut read = commram_layoutc::read_folder(dir)?;
     read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
-    let has_script = dir.join(SCRIPT).symlink_metadata().is_ok();
-    if has_script {
+    if *has_script {
         state_word::add(dir, &mut read.device)?;
     }
     let of_layout = fingerprint(dir, &read, has_script.then_some((SCRIPT, "")).into_iter());
@@ -384,22 +386,23 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
 /// of these registers. A folder that cannot be read is left out. An image of its device is then refused,
 /// because its layout hash is unknown.
 pub(super) fn load_of_instance(instance: &str) {
-    for dir in InstanceLock::device_folders(instance) {
-        let _ = load_registers(&dir);
+    let folders = InstanceLock::device_folders(instance);
+    for folder in &folders {
+        let _ = load_registers(folder);
     }
     for line in InstanceLock::controllers(instance) {
-        let _ = in_slot::read_line(&line);
+        let _ = in_slot::read_line(&line, &folders);
     }
 }
 
 /// Returns the reason why no folder of an instance has the registers of an image. The result has a text for
 /// each folder.
 pub(super) fn differences(instance: &str) -> String {
-    let difference = |dir: PathBuf| match load_registers(&dir) {
+    let difference = |folder: DeviceFolder| match load_registers(&folder) {
         Err(reason) => reason.to_string(),
         Ok(_) => format!(
             "in {} a register has another name, type or address, or the device another name",
-            dir.display()
+            folder.path.display()
         ),
     };
     InstanceLock::device_folders(instance).into_iter().map(difference).collect::<Vec<_>>().join("; ")
