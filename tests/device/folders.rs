@@ -746,16 +746,28 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { loop {} }", ":1:", "does not end"),
         ("fn poll() {\n poll(); }", ":", "nested too deep"),
         ("fn power_on() { after(0, \"again\"); }\nfn again() { after(0, \"again\"); }", ":", "does not end"),
-        ("fn poll() { let s = \"x\"; loop { s += s; } }", ":1:", "Length of string"),
-        ("fn poll() { let s = []; s.pad(4000, 0); }", ":1:", "Size of array"),
-        ("fn poll() { let s = [0]; loop { s += s; } }", ":1:", "Size of array"),
-        ("fn poll() { let s = [0]; loop { s.push(s); } }", ":1:", "Size of array"),
-        ("fn poll() { let s = [0]; loop { s = [s]; } }", ":1:", "Size of array"),
-        ("fn poll() { let s = #{ a: 0 }; loop { s = #{ a: s }; } }", ":1:", "Size of object map"),
+        (
+            "fn poll() { let s = \"x\"; loop { s += s; } }",
+            ":1:",
+            "a value has at most 4096 bytes in all its texts",
+        ),
+        (
+            "fn poll() { let s = []; s.pad(4000, 0); }",
+            ":1:",
+            "a value has at most 2048 elements in all its arrays",
+        ),
+        ("fn poll() { let s = [0]; loop { s += s; } }", ":1:", "2048 elements in all its arrays"),
+        ("fn poll() { let s = [0]; loop { s.push(s); } }", ":1:", "2048 elements in all its arrays"),
+        ("fn poll() { let s = [0]; loop { s = [s]; } }", ":1:", "2048 elements in all its arrays"),
+        (
+            "fn poll() { let s = #{ a: 0 }; loop { s = #{ a: s }; } }",
+            ":1:",
+            "a value has at most 512 entries in all its maps",
+        ),
         (
             "fn poll() { let s = #{ }; let n = 0; loop { n += 1; s[`${n}`] = s; } }",
             ":1:",
-            "Size of object map",
+            "512 entries in all its maps",
         ),
         ("fn power_on() { this.s = []; }\nfn poll() { this.s = [this.s]; }", ":", "16 deep"),
         ("fn poll() { let s = []; for n in 0..64 { s = [s]; } this.s = s; }", ":", "16 deep"),
@@ -782,12 +794,12 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         (
             "fn power_on() { this.m = #{}; for n in 0..600 { this.m[`${n}`] = n; } }",
             ":1:",
-            "after power_on: a map with all maps in it has 600 entries; it has at most 512",
+            "after power_on: a value has at most 512 entries in all its maps",
         ),
         (
             "fn power_on() { this.x = []; for k in 0..3 { this.x.push([]); for n in 0..683 { this.x[k].push(n); } } }",
             ":1:",
-            "an array with all arrays in it has 2052 elements; it has at most 2048",
+            "a value has at most 2048 elements in all its arrays",
         ),
         (
             "fn power_on() { let a = []; a.pad(17, 1); after(1, \"many\", a); }
@@ -901,9 +913,66 @@ fn a_wrong_script_is_refused_with_its_line() {
     let used = Card::new("fn power_on() { after(1, \"pol\"); }\nfn pol() { powr_on(); }\nfn powr_on() {}");
     assert!(folder::load(used.dir()).is_ok());
     let deep = format!("fn poll() {{ let x = {}1{}; }}", "(".repeat(200), ")".repeat(200));
-    assert!(Card::new(&deep).refused().contains("firmware.rhai:1: "));
+    assert!(
+        Card::new(&deep).refused().contains(
+            "firmware.rhai:1: expressions and blocks are nested too deep here: more than 64 levels"
+        )
+    );
+    // Each of these has the largest depth.
+    let card = Card::new("");
+    for (begin, end, depth) in [("(", ")", 29), ("[", "]", 19), ("if true {", "}", 19)] {
+        let nest = |depth| {
+            let text = format!("fn poll() {{ let x = {}1{}; }}", begin.repeat(depth), end.repeat(depth));
+            card.write("firmware.rhai", &text);
+        };
+        nest(depth);
+        assert!(folder::load(card.dir()).is_ok(), "{begin}");
+        nest(depth + 1);
+        assert!(card.refused().contains("more than 64 levels"), "{begin}");
+    }
     let many = format!("fn poll() {{ read({}); }}", vec!["1"; 17].join(", "));
     assert!(Card::new(&many).refused().contains("a call with 17 arguments; it has at most 16"));
+}
+
+/// The limits for values do not depend on the way in which a script assigns to `this`.
+#[test]
+fn a_value_has_the_same_limits_in_each_assignment() {
+    let card = Card::new(
+        r#"
+        const LARGEST = [2048, 1024, 254];
+        fn written(register, old, value) {
+            let value = value - 16;
+            let kind = value % 4;
+            let size = global::LARGEST[kind] + value / 4 % 2;
+            let s = [];
+            if kind == 0 { s = ""; s.pad(size, "x"); }
+            if kind == 1 { s.pad(size, 1); }
+            if kind == 2 { s = #{}; for n in 0..size { s[`${n}`] = n; } }
+            if value < 8 { this.s = s; this.t = s; } else { this["s"] = s; this["t"] = s; }
+        }
+        fn poll() { this.n = 1; }
+        "#,
+    );
+    let mut bench = card.bench();
+    for (kind, limit) in [
+        (0, "a value has at most 4096 bytes in all its texts"),
+        (1, "a value has at most 2048 elements in all its arrays"),
+        (2, "a value has at most 512 entries in all its maps"),
+    ] {
+        for by_index in [0, 8] {
+            for is_larger in [0, 1] {
+                bench.power_cycle("card").unwrap();
+                bench.poke("card.w_DATA", 16 + kind + 4 * is_larger + by_index).unwrap();
+                bench.step("2ms").unwrap();
+                assert_eq!(bench.peek("front.script").unwrap(), is_larger, "{limit}: {by_index}");
+                let last = journal(&mut bench).into_iter().rfind(|line| line.contains(" stopped: "));
+                assert!(
+                    is_larger == 0 || last.is_some_and(|last| last.ends_with(limit)),
+                    "{limit}: {by_index}"
+                );
+            }
+        }
+    }
 }
 
 #[test]

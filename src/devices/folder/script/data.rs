@@ -3,16 +3,16 @@
 //! A value is a list of items. Each container comes before its contents. So reading a value from a snapshot
 //! of an unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
 
-use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT};
+use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT, most_elements, most_entries, most_texts};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::slice::{Iter, IterMut};
 use rhai::{Array, Blob, Dynamic, INT, Map};
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of items of a value. Each key and each element counts.
-const MOST_ITEMS: usize = 4096;
-/// Maximum total number of bytes of all texts and blobs in a value.
-const MOST_BYTES: usize = 64 << 10;
+/// Maximum number of items of a value: each key and each element counts, and the value itself.
+const MOST_ITEMS: usize = 1 + LARGEST_ARRAY + 2 * LARGEST_MAP;
+/// Maximum total number of bytes of all keys of maps in a value.
+const MOST_KEY_BYTES: usize = 64 << 10;
 /// Deepest nesting of arrays and maps in a value.
 const DEEPEST: usize = 16;
 
@@ -54,9 +54,7 @@ impl Data {
     /// The value is too large, nested too deeply, or contains something that cannot be saved.
     pub(super) fn of(value: &Dynamic) -> Result<Self, String> {
         let mut data = Data(Vec::new());
-        let mut bytes = 0;
-        data.push(value, 0, &mut bytes)?;
-        Size::of(value)?;
+        data.push(value, 0, &mut Size::default())?;
         Ok(data)
     }
 
@@ -71,35 +69,31 @@ impl Data {
         Data::of(this)
     }
 
-    fn push(&mut self, value: &Dynamic, depth: usize, bytes: &mut usize) -> Result<(), String> {
-        if self.0.len() >= MOST_ITEMS {
-            return Err(format!("this value has more than {MOST_ITEMS} elements"));
-        }
+    /// Appends a value. `size` is that of all values so far.
+    fn push(&mut self, value: &Dynamic, depth: usize, size: &mut Size) -> Result<(), String> {
         if depth > DEEPEST {
             return Err(format!("this value is nested more than {DEEPEST} deep"));
         }
         if let Some(array) = value.read_lock::<Array>() {
+            size.add_elements(array.len())?;
             self.0.push(Item::Array(array.len() as u32));
-            return array.iter().try_for_each(|value| self.push(value, depth + 1, bytes));
+            return array.iter().try_for_each(|value| self.push(value, depth + 1, size));
         }
         if let Some(map) = value.read_lock::<Map>() {
+            size.add_entries(map.len())?;
             self.0.push(Item::Map(map.len() as u32));
             return map.iter().try_for_each(|(key, value)| {
-                self.push_item(Item::Text(key.to_string()), bytes)?;
-                self.push(value, depth + 1, bytes)
+                size.add_key(key.len())?;
+                self.0.push(Item::Text(key.to_string()));
+                self.push(value, depth + 1, size)
             });
         }
-        self.push_item(item(value)?, bytes)
-    }
-
-    fn push_item(&mut self, item: Item, bytes: &mut usize) -> Result<(), String> {
-        *bytes += match &item {
-            Item::Text(text) => text.len(),
-            Item::Bytes(all) => all.len(),
-            _ => 0,
-        };
-        if *bytes > MOST_BYTES {
-            return Err(format!("this value has more than {MOST_BYTES} bytes of texts"));
+        let item = item(value)?;
+        match &item {
+            Item::Text(text) => size.add_text(text.len())?,
+            // The array of bytes counts, too.
+            Item::Bytes(bytes) => size.add_elements(bytes.len() + 1)?,
+            _ => {}
         }
         self.0.push(item);
         Ok(())
@@ -213,48 +207,42 @@ fn copy(items: &mut IterMut<'_, Item>, value: &Dynamic) {
     }
 }
 
-/// Number of elements and entries in a value, counted in the same way as in the engine. This count is
-/// necessary because the engine checks its limits only in some operations: not when an element or an entry is
-/// assigned.
+/// Size of a value, counted in the same way as in the engine. This count is necessary because the engine checks its
+/// limits only in some operations: for `this.text = text`, but not for `this["text"] = text`.
 #[derive(Clone, Copy, Default)]
 struct Size {
     elements: usize,
     entries: usize,
+    text_bytes: usize,
+    key_bytes: usize,
 }
 
 impl Size {
-    /// Counts the elements of all arrays and the entries of all maps in a value. The value must not be nested
-    /// too deeply.
-    ///
-    /// # Errors
-    /// A text, an array or a map in the value is larger than the engine permits.
-    fn of(value: &Dynamic) -> Result<Self, String> {
-        if let Some(array) = value.read_lock::<Array>() {
-            let size = Size { elements: array.len(), entries: 0 }.with(array.iter())?;
-            return size.checked("an array with all arrays in it", size.elements, LARGEST_ARRAY, "elements");
-        }
-        if let Some(map) = value.read_lock::<Map>() {
-            let size = Size { elements: 0, entries: map.len() }.with(map.values())?;
-            return size.checked("a map with all maps in it", size.entries, LARGEST_MAP, "entries");
-        }
-        if let Some(bytes) = value.read_lock::<Blob>() {
-            let size = Size { elements: bytes.len(), entries: 0 };
-            return size.checked("an array of bytes", bytes.len(), LARGEST_ARRAY, "elements");
-        }
-        let bytes = value.as_immutable_string_ref().map_or(0, |text| text.len());
-        Size::default().checked("a text", bytes, LONGEST_TEXT, "bytes")
+    fn add_elements(&mut self, count: usize) -> Result<(), String> {
+        add(&mut self.elements, count, LARGEST_ARRAY, most_elements)
     }
 
-    fn with<'a>(self, mut values: impl Iterator<Item = &'a Dynamic>) -> Result<Self, String> {
-        values.try_fold(self, |sum, value| {
-            let Size { elements, entries } = Size::of(value)?;
-            Ok(Size { elements: sum.elements + elements, entries: sum.entries + entries })
-        })
+    fn add_entries(&mut self, count: usize) -> Result<(), String> {
+        add(&mut self.entries, count, LARGEST_MAP, most_entries)
     }
 
-    fn checked(self, whole: &str, count: usize, most: usize, of: &str) -> Result<Self, String> {
-        if count <= most { Ok(self) } else { Err(format!("{whole} has {count} {of}; it has at most {most}")) }
+    fn add_text(&mut self, bytes: usize) -> Result<(), String> {
+        add(&mut self.text_bytes, bytes, LONGEST_TEXT, most_texts)
     }
+
+    fn add_key(&mut self, bytes: usize) -> Result<(), String> {
+        let most = || format!("a value has at most {MOST_KEY_BYTES} bytes in all keys of its maps");
+        add(&mut self.key_bytes, bytes, MOST_KEY_BYTES, most)
+    }
+}
+
+/// Adds to a sum.
+///
+/// # Errors
+/// The sum exceeds `most`; `limit` describes this limit.
+fn add(sum: &mut usize, count: usize, most: usize, limit: impl Fn() -> String) -> Result<(), String> {
+    *sum += count;
+    if *sum <= most { Ok(()) } else { Err(limit()) }
 }
 
 /// Returns the item of a value. For an array or a map, this is only its head.
@@ -387,10 +375,24 @@ mod tests {
     fn values_have_limits() {
         assert!(Data::of(&nested(DEEPEST)).is_ok());
         assert!(Data::of(&nested(DEEPEST + 1)).unwrap_err().contains("16 deep"));
-        let large: Array = vec![Dynamic::UNIT; MOST_ITEMS + 1];
-        assert!(Data::of(&large.into()).unwrap_err().contains("4096 elements"));
-        let long: Array = vec!["x".repeat(MOST_BYTES / 2 + 1).into(); 2];
-        assert!(Data::of(&long.into()).unwrap_err().contains("65536 bytes"));
+        let refusal = |value: Dynamic| Data::of(&value).unwrap_err();
+        let units = |count| -> Dynamic { vec![Dynamic::UNIT; count].into() };
+        assert_eq!(refusal(units(LARGEST_ARRAY + 1)), most_elements());
+        assert_eq!(refusal(vec![units(LARGEST_ARRAY / 2); 2].into()), most_elements());
+        assert_eq!(refusal(vec![Dynamic::from_blob(vec![0; LARGEST_ARRAY])].into()), most_elements());
+        let long: Array = vec!["x".repeat(LONGEST_TEXT / 2 + 1).into(); 2];
+        assert_eq!(refusal(long.into()), most_texts());
+        let map = |length: usize, count| -> Map {
+            (0..count).map(|number| (format!("{number:0length$}").into(), Dynamic::UNIT)).collect()
+        };
+        assert_eq!(refusal(map(1, LARGEST_MAP + 1).into()), most_entries());
+        assert!(refusal(map(200, LARGEST_MAP).into()).contains("65536 bytes in all keys"));
+        // Values of the largest size come back from a snapshot.
+        let mut largest = map(1, LARGEST_MAP - 1);
+        largest.insert("array".into(), units(LARGEST_ARRAY));
+        let data = Data::of(&largest.into()).unwrap();
+        assert_eq!(data.0.len(), MOST_ITEMS);
+        assert!(data.is_whole());
     }
 
     /// The items in a snapshot of an unknown author may end too early, be too many, or be nested without a

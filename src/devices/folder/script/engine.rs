@@ -16,13 +16,16 @@ use std::rc::Rc;
 
 /// Deepest nesting of function calls.
 const MOST_CALLS: usize = 16;
-/// Deepest nesting of expressions.
-const DEEPEST_EXPRESSION: usize = 32;
-/// Longest text in bytes.
+/// Deepest nesting of levels of the parser. A pair of brackets has two levels, an array, a map or a block three. The deepest
+/// script needs less than 768 KiB of the stack in a debug build.
+const DEEPEST_LEVEL: usize = 64;
+/// Maximum number of bytes of all texts in a value. A value is a text, or an array or a map with all its contents. The
+/// keys of maps do not count. A longer text could make `replace` use too much memory.
 pub(super) const LONGEST_TEXT: usize = 4096;
-/// Maximum number of elements of an array, including the arrays inside it.
+/// Maximum number of elements of all arrays in a value. Arrays can be nested as deep as this, and the engine counts and
+/// frees them recursively, so the number must be safe for the stack.
 pub(super) const LARGEST_ARRAY: usize = 2048;
-/// Maximum number of entries of a map, including the maps inside it.
+/// Maximum number of entries of all maps in a value.
 pub(super) const LARGEST_MAP: usize = 512;
 /// Maximum number of variables of a function.
 const MOST_VARIABLES: usize = 64;
@@ -31,6 +34,28 @@ const MOST_VARIABLES: usize = 64;
 pub(super) const MOST_ARGUMENTS: usize = 16;
 /// Maximum number of functions in a file.
 const MOST_FUNCTIONS: usize = 512;
+
+/// Describes the limit [`LONGEST_TEXT`].
+pub(super) fn most_texts() -> String {
+    format!("a value has at most {LONGEST_TEXT} bytes in all its texts")
+}
+
+/// Describes the limit [`LARGEST_ARRAY`].
+pub(super) fn most_elements() -> String {
+    format!("a value has at most {LARGEST_ARRAY} elements in all its arrays")
+}
+
+/// Describes the limit [`LARGEST_MAP`].
+pub(super) fn most_entries() -> String {
+    format!("a value has at most {LARGEST_MAP} entries in all its maps")
+}
+
+/// Describes the limit [`DEEPEST_LEVEL`].
+pub(super) fn too_deep() -> String {
+    format!(
+        "expressions and blocks are nested too deep here: more than {DEEPEST_LEVEL} levels, of which brackets have 2, and an array or a block has 3"
+    )
+}
 
 /// Names that a script cannot use. Functions of these names evaluate texts, create functions, or wait in real
 /// time.
@@ -41,7 +66,7 @@ pub(super) const MISSING: [&str; 8] =
 pub(super) fn engine(context: &Rc<RefCell<VerbContext>>, meter: &Rc<Meter>, files: &Files) -> Engine {
     let mut engine = Engine::new();
     engine.set_max_call_levels(MOST_CALLS);
-    engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
+    engine.set_max_expr_depths(DEEPEST_LEVEL, DEEPEST_LEVEL);
     engine.set_max_string_size(LONGEST_TEXT);
     engine.set_max_array_size(LARGEST_ARRAY);
     engine.set_max_map_size(LARGEST_MAP);

@@ -1,11 +1,12 @@
 //! An error in a script: its place and its description.
 
 use super::budget::{Exceeded, LONGEST_TIME, MOST_OPERATIONS};
+use super::engine::{most_elements, most_entries, most_texts, too_deep};
 use crate::layout::DeviceLayout;
 use crate::plain_text::without_interpreted;
 use crate::plc_spelling::Dialect;
 use core::fmt;
-use rhai::{EvalAltResult, ParseError};
+use rhai::{EvalAltResult, ParseError, ParseErrorType};
 
 /// Longest description in bytes.
 const LONGEST: usize = 160;
@@ -40,7 +41,10 @@ impl Mistake {
     pub(super) fn misread(file: &str, text: &str, layout: &'static DeviceLayout, error: &ParseError) -> Self {
         let line = error.position().line();
         let hint = line.and_then(|line| text.lines().nth(line - 1)).and_then(|line| spelled(line, layout));
-        let what = hint.unwrap_or_else(|| error.err_type().to_string());
+        let what = hint.unwrap_or_else(|| match error.err_type() {
+            ParseErrorType::ExprTooDeep => too_deep(),
+            other => other.to_string(),
+        });
         Mistake { file: file.to_owned(), line, what: shortened(what) }
     }
 
@@ -92,6 +96,11 @@ fn description(error: &EvalAltResult) -> String {
             let near = crate::layout::did_you_mean(name, super::verbs::NAMES.iter().copied());
             format!("there is no function {signature}{near}")
         }
+        EvalAltResult::ErrorDataTooLarge(what, _) => match what.as_str() {
+            "Length of string" => most_texts(),
+            "Size of object map" => most_entries(),
+            _ => most_elements(),
+        },
         EvalAltResult::ErrorStackOverflow(_) => "calls are nested too deep here".to_owned(),
         EvalAltResult::ErrorModuleNotFound(name, _) => {
             format!("the folder has no script `{name}` to import; it lies beside {}", super::MAIN)
