@@ -88,7 +88,12 @@ pub(super) fn journal(bench: &mut Bench) -> Vec<String> {
 
 /// Runs a script for some time. Returns the line of the journal about its stop.
 fn stop_of(script: &str) -> String {
-    let card = Card::new(script);
+    stop_of_card(&Card::new(script), script)
+}
+
+/// Runs the script of a card like [`stop_of`].
+fn stop_of_card(card: &Card, script: &str) -> String {
+    card.write("firmware.rhai", script);
     let mut bench = card.bench();
     bench.poke("card.w_DATA", 1).unwrap();
     bench.step("20ms").unwrap();
@@ -934,6 +939,40 @@ fn a_wrong_script_is_refused_with_its_line() {
     assert!(Card::new(&many).refused().contains("a call with 17 arguments; it has at most 16"));
 }
 
+/// The messages about calls have the numbers of parameters and arguments. The cards share their registers, because a process
+/// reads a limited number of folders.
+#[test]
+fn a_wrong_number_of_arguments_is_named() {
+    let card = Card::new("");
+    for (script, what) in [
+        (
+            "fn poll() { let name = \"t\";\n after(\"1ms\", name, [1, 2]); }\nfn t() {}",
+            "`t` has 0 parameters, and is called with 2 arguments",
+        ),
+        ("fn poll() { let name = \"u\";\n at(5, name); }\nfn t() {}", "no function `u` to call later"),
+        ("fn poll() {\n t(1, 2); }\nfn t() {}", "`t` has 0 parameters, and is called with 2 arguments"),
+        ("fn poll() {\n this.t(); }\nfn t(a) {}", "`t` has 1 parameter, and is called with 0 arguments"),
+        ("fn poll() {\n after(1); }", "`after` has 2 or 3 parameters, and is called with 1 argument"),
+        ("fn poll() {\n tt(1); }\nfn ttt(a) {}", "did you mean at or ttt?"),
+    ] {
+        let stop = stop_of_card(&card, script);
+        assert!(stop.contains("firmware.rhai:2: ") && stop.contains(what), "{script}: {stop}");
+    }
+    for (script, message) in [
+        (
+            "fn poll() {\n after(\"1ms\", \"t\", [1, 2]); }\nfn t() {}",
+            "firmware.rhai:2: `t` has 0 parameters, and is called with 2 arguments",
+        ),
+        (
+            "fn poll() {\n at(5, \"t\"); }\nfn t(a) {}",
+            "firmware.rhai:2: `t` has 1 parameter, and is called with 0 arguments",
+        ),
+    ] {
+        card.write("firmware.rhai", script);
+        assert!(card.refused().contains(message), "{script}: {}", card.refused());
+    }
+}
+
 /// The limits for values do not depend on the way in which a script assigns to `this`.
 #[test]
 fn a_value_has_the_same_limits_in_each_assignment() {
@@ -973,6 +1012,29 @@ fn a_value_has_the_same_limits_in_each_assignment() {
             }
         }
     }
+}
+
+/// Functions that are called later are those of the main file, also if another file names them.
+#[test]
+fn a_module_calls_functions_of_the_main_file_later() {
+    let card = Card::new(
+        "import \"help\" as help;\nfn power_on() { help::begin(); }\nfn tick() { output(\"card.w_COUNT\", 7); }",
+    );
+    card.write("help.rhai", "fn begin() { after(\"1ms\", \"tick\"); }");
+    let mut bench = card.bench();
+    bench.step("2ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 7);
+    card.write("help.rhai", "fn begin() {\n after(\"1ms\", \"own\"); }\nfn own() {}");
+    assert!(
+        card.refused().contains("help.rhai:2: there is no function `own` to call later"),
+        "{}",
+        card.refused()
+    );
+    card.write("help.rhai", "fn begin(a) {}");
+    let mut bench = card.bench();
+    bench.step("2ms").unwrap();
+    let lines = journal(&mut bench).join("\n");
+    assert!(lines.contains("firmware.rhai:2: `begin` has 1 parameter, and is called with 0"), "{lines}");
 }
 
 #[test]

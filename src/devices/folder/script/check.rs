@@ -2,6 +2,7 @@
 
 use super::budget::{MOST_OPERATIONS, Meter};
 use super::engine::{MISSING, MOST_ARGUMENTS, engine};
+use super::functions::Functions;
 use super::mistake::Mistake;
 use super::verb_context::VerbContext;
 use super::verbs::{CHANGING, OF_PORT, OF_REGISTERS};
@@ -40,7 +41,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
     let (context, meter) =
         (Rc::new(RefCell::new(VerbContext::new(layout, &script.records))), Rc::new(Meter::default()));
     let engine = engine(&context, &meter, &script.files);
-    let (mut hooks, mut written, mut named) = (Hooks::default(), None, Named::default());
+    let (mut hooks, mut written, mut named, mut later) = (Hooks::default(), None, Named::default(), None);
     let mut namesakes = Namesakes::default();
     for (file, text) in script.files.iter() {
         let compiled = engine.compile(text);
@@ -48,7 +49,10 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         ast.set_source(file.as_str());
         let at = |(position, what): Wrong| Mistake { file: file.clone(), line: position.line(), what };
         let records = &script.records;
-        Calls { layout, records, functions: functions(&ast) }.check(&ast).map_err(at)?;
+        let functions = Functions::of(&ast);
+        // The main file is the first one.
+        let later = later.get_or_insert_with(|| Functions::of(&ast));
+        Calls { layout, records, functions, later }.check(&ast).map_err(at)?;
         named.collect(&ast);
         let added = namesakes.add(file, &ast);
         added.map_err(|what| Mistake { file: file.clone(), ..Mistake::new(what) })?;
@@ -63,7 +67,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         let ran = engine.run_ast_with_scope(&mut scope, &ast);
         meter.end();
         ran.map_err(|error| {
-            let mistake = Mistake::ran(&error);
+            let mistake = Mistake::ran(&error, &engine, &script.files, 0);
             // For an error in the statements outside of functions, the engine names no file. So the name is
             // added here.
             if mistake.file == MAIN { Mistake { file: file.clone(), ..mistake } } else { mistake }
@@ -99,11 +103,6 @@ fn written_registers(
         }
     }
     Ok(names)
-}
-
-/// Returns names of the functions in the file.
-fn functions(ast: &AST) -> BTreeSet<String> {
-    ast.iter_functions().map(|function| function.name.to_owned()).collect()
 }
 
 /// Returns the hooks of the main file.
@@ -146,7 +145,7 @@ struct Named {
     /// is called later.
     used: BTreeSet<String>,
     /// Functions of the main file.
-    functions: BTreeSet<String>,
+    functions: Functions,
     /// Names of imported files.
     imports: Vec<String>,
 }
@@ -154,7 +153,7 @@ struct Named {
 impl Named {
     fn collect(&mut self, ast: &AST) {
         if ast.source() == Some(MAIN) {
-            self.functions.extend(functions(ast));
+            self.functions = Functions::of(ast);
         }
         ast.walk(&mut |path: &[ASTNode<'_>]| {
             if let Some(call) = path.last().and_then(call_of) {
@@ -183,7 +182,7 @@ impl Named {
     fn check_hooks(&self, script: &Script) -> Result<(), Mistake> {
         let hooks = || Hooks::ALL.iter().map(|(name, _)| *name);
         let is_unused = |name: &str| !self.used.contains(name) && hooks().all(|hook| hook != name);
-        for name in self.functions.iter().filter(|name| is_unused(name)) {
+        for name in self.functions.names().filter(|name| is_unused(name)) {
             let hint = did_you_mean(name, hooks());
             if !hint.is_empty() {
                 let what = format!("nothing calls the function `{name}`{hint}");
@@ -205,7 +204,10 @@ fn line_of(script: &Script, function: &str) -> Option<usize> {
 struct Calls<'a> {
     layout: &'static DeviceLayout,
     records: &'a [OwnRecord],
-    functions: BTreeSet<String>,
+    /// Functions of this file.
+    functions: Functions,
+    /// Functions that `after` and `at` call.
+    later: &'a Functions,
 }
 
 impl Calls<'_> {
@@ -256,9 +258,8 @@ impl Calls<'_> {
         }
         if ["after", "at"].contains(&name)
             && let Some(function) = text(call, 1)
-            && !self.functions.contains(function)
         {
-            return Err((at, format!("there is no function `{function}` to call later")));
+            return self.later.check_later(function, array_length(call, 2)).map_err(|what| (at, what));
         }
         Ok(())
     }
@@ -283,6 +284,17 @@ fn any_call(call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
         return Err((at, format!("a call with {count} arguments; it has at most {MOST_ARGUMENTS}")));
     }
     Ok(())
+}
+
+/// Returns the number of elements of the argument, if it is an array in the text of the script. An argument that is
+/// left out is empty.
+fn array_length(call: &FnCallExpr, argument: usize) -> Option<usize> {
+    match call.args.get(argument) {
+        None => Some(0),
+        Some(Expr::Array(elements, _)) => Some(elements.len()),
+        Some(Expr::DynamicConstant(value, _)) => value.read_lock::<Array>().map(|array| array.len()),
+        Some(_) => None,
+    }
 }
 
 /// Returns the argument, if it is a text.

@@ -2,11 +2,12 @@
 
 use super::budget::{Exceeded, LONGEST_TIME, MOST_OPERATIONS};
 use super::engine::{most_elements, most_entries, most_texts, too_deep};
-use crate::layout::DeviceLayout;
+use super::functions::Functions;
+use crate::layout::{DeviceLayout, did_you_mean};
 use crate::plain_text::without_interpreted;
 use crate::plc_spelling::Dialect;
 use core::fmt;
-use rhai::{EvalAltResult, ParseError, ParseErrorType};
+use rhai::{AST, Engine, EvalAltResult, ParseError, ParseErrorType, Position};
 
 /// Longest description in bytes.
 const LONGEST: usize = 160;
@@ -48,8 +49,14 @@ impl Mistake {
         Mistake { file: file.to_owned(), line, what: shortened(what) }
     }
 
-    /// Returns an error of a running script. Its line is that of the innermost call.
-    pub(super) fn ran(error: &EvalAltResult) -> Self {
+    /// Returns an error of a running script. Its line is that of the innermost call. `given` is the number of arguments
+    /// with which the emulator has called the function of the script.
+    pub(super) fn ran(
+        error: &EvalAltResult,
+        engine: &Engine,
+        files: &[(String, String)],
+        given: usize,
+    ) -> Self {
         let (mut file, mut line) = (super::MAIN.to_owned(), error.position().line());
         let mut at = error;
         while let EvalAltResult::ErrorInFunctionCall(_, source, inner, _)
@@ -61,7 +68,68 @@ impl Mistake {
             line = inner.position().line().or(line);
             at = inner;
         }
-        Mistake { file, line, what: shortened(description(at)) }
+        let what = match at {
+            EvalAltResult::ErrorFunctionNotFound(signature, position) => {
+                Missing { engine, files, file: &file, position: *position, given }.description(signature)
+            }
+            other => description(other),
+        };
+        Mistake { file, line, what: shortened(what) }
+    }
+}
+
+/// A call for which there is no function.
+struct Missing<'a> {
+    engine: &'a Engine,
+    files: &'a [(String, String)],
+    /// File with the call.
+    file: &'a str,
+    position: Position,
+    /// Number of arguments if the emulator has called the function.
+    given: usize,
+}
+
+impl Missing<'_> {
+    /// Describes the error. `signature` has the form `name (type, type)`, or is the name if the emulator has called the
+    /// function.
+    fn description(&self, signature: &str) -> String {
+        let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
+        let types = types.trim_end_matches(')');
+        if !name.starts_with(|letter: char| letter.is_ascii_alphabetic() || letter == '_') {
+            return format!("`{name}` does not go with {}", types.replace(", ", " and "));
+        }
+        let count = match name.len() == signature.len() {
+            true => self.given,
+            false => types.split(", ").filter(|ty| !ty.is_empty()).count(),
+        };
+        let (own, verbs) = (self.functions(name), Functions::verbs());
+        // The value before the point is no argument of a function of the script.
+        let of_own = count.saturating_sub(self.is_method().into());
+        let last = name.rsplit("::").next().unwrap_or(name);
+        let checked = own.check_arguments(last, of_own).and_then(|()| verbs.check_arguments(name, count));
+        checked.err().unwrap_or_else(|| {
+            let near = did_you_mean(name, verbs.names().chain(own.names()));
+            format!("there is no function {signature}{near}")
+        })
+    }
+
+    /// Returns the functions of the file with the call, or, for a name with a module, those of the other files.
+    fn functions(&self, name: &str) -> Functions {
+        let is_qualified = name.contains("::");
+        let files = self.files.iter().filter(|(file, _)| (file == self.file) != is_qualified);
+        let asts = files.filter_map(|(_, text)| self.engine.compile(text).ok());
+        Functions::of(&asts.fold(AST::empty(), |all, ast| all.merge(&ast)))
+    }
+
+    /// True if the call is that of a method: there is a point before its name.
+    fn is_method(&self) -> bool {
+        let text = self.files.iter().find(|(file, _)| file == self.file).map(|(_, text)| text.as_str());
+        let (Some(text), Some(line), Some(column)) = (text, self.position.line(), self.position.position())
+        else {
+            return false;
+        };
+        let before = text.lines().nth(line - 1).map(|line| line.chars().take(column - 1).collect::<String>());
+        before.is_some_and(|before| before.trim_end().ends_with('.'))
     }
 }
 
@@ -85,17 +153,6 @@ fn description(error: &EvalAltResult) -> String {
             _ => format!("the script does not end: it takes more than {} steps", MOST_OPERATIONS),
         },
         EvalAltResult::ErrorRuntime(thrown, _) => thrown.to_string(),
-        EvalAltResult::ErrorFunctionNotFound(signature, _) => {
-            let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
-            if !name.starts_with(|letter: char| letter.is_ascii_alphabetic() || letter == '_') {
-                return format!(
-                    "`{name}` does not go with {}",
-                    types.trim_end_matches(')').replace(", ", " and ")
-                );
-            }
-            let near = crate::layout::did_you_mean(name, super::verbs::NAMES.iter().copied());
-            format!("there is no function {signature}{near}")
-        }
         EvalAltResult::ErrorDataTooLarge(what, _) => match what.as_str() {
             "Length of string" => most_texts(),
             "Size of object map" => most_entries(),

@@ -14,6 +14,7 @@ mod engine;
 mod exercise;
 mod firmware;
 mod frames;
+mod functions;
 mod imports;
 mod mistake;
 mod program;
@@ -50,7 +51,6 @@ const MOST_WATCHED: usize = 65_536;
 type Files = Arc<[(String, String)]>;
 
 /// Definitions of the verbs, for editors with support for Rhai.
-#[cfg(any(test, feature = "cli"))]
 pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
 
 /// The script of a folder: all its files, and the hooks that it has.

@@ -1,12 +1,13 @@
 //! A compiled script of this thread.
 
-use super::Script;
 use super::budget::Meter;
 use super::check::WRITTEN;
 use super::engine::engine;
+use super::functions::Functions;
 use super::mistake::Mistake;
 use super::state::{LiveStates, State};
 use super::verb_context::{Acting, VerbContext};
+use super::{Files, Script};
 use crate::layout::DeviceLayout;
 use crate::whole_script;
 use core::cell::RefCell;
@@ -29,8 +30,7 @@ fn is_selection(statement: &Stmt) -> bool {
 pub(super) struct Program {
     engine: Engine,
     ast: AST,
-    /// Text of the main file.
-    text: String,
+    files: Files,
     /// True if the script has constants or imports outside of functions. `WRITTEN` does not count.
     has_statements: bool,
     context: Rc<RefCell<VerbContext>>,
@@ -78,12 +78,13 @@ impl Program {
         let text = files.first().map_or("", |(_, text)| text);
         let ast = whole_script::compile(&engine, text)
             .map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
+        context.borrow_mut().functions = Functions::of(&ast);
         let has_statements =
             !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
         Ok(Program {
             engine,
             ast,
-            text: text.to_owned(),
+            files: Files::clone(files),
             has_statements,
             context,
             meter,
@@ -105,7 +106,7 @@ impl Program {
         self.context.borrow_mut().acting = Some(acting);
         self.meter.begin(allowed, now);
         let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
-        let mut scope = Scope::new();
+        let (mut scope, given) = (Scope::new(), arguments.len());
         let result =
             self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
         self.meter.end();
@@ -114,7 +115,7 @@ impl Program {
             Ok(_) => self.live.borrow_mut().put_back(this, state).map_err(|what| {
                 self.placed(Mistake::new(format!("`this` after {function}: {what}")), function)
             }),
-            Err(error) => Err(self.placed(Mistake::ran(&error), function)),
+            Err(error) => Err(self.placed(Mistake::ran(&error, &self.engine, &self.files, given), function)),
         };
         Outcome { result, acting, operations: self.meter.operations() }
     }
@@ -132,7 +133,8 @@ impl Program {
                 .and_then(|rest| rest.trim_start().strip_prefix(function));
             name.is_some_and(|rest| rest.trim_start().starts_with('('))
         };
-        let line = self.text.lines().position(head).map(|index| index + 1);
+        let text = self.files.first().map_or("", |(_, text)| text);
+        let line = text.lines().position(head).map(|index| index + 1);
         Mistake { line, ..mistake }
     }
 }

@@ -2,6 +2,7 @@
 //! function of the script runs.
 
 use super::engine::LARGEST_ARRAY;
+use super::functions::Functions;
 use super::timers::Timers;
 use crate::can::Frame;
 use crate::devices::Context;
@@ -144,6 +145,8 @@ pub(super) struct VerbContext {
     blocks: HashMap<String, Block>,
     /// Total number of registers in `names`.
     remembered: usize,
+    /// Functions of the main file.
+    pub(super) functions: Functions,
     pub(super) acting: Option<Acting>,
 }
 
@@ -151,7 +154,8 @@ impl VerbContext {
     pub(super) fn new(layout: &'static DeviceLayout, records: &Arc<[OwnRecord]>) -> Self {
         let records = Arc::clone(records);
         let (names, blocks) = (HashMap::new(), HashMap::new());
-        VerbContext { layout, records, names, blocks, remembered: 0, acting: None }
+        let functions = Functions::default();
+        VerbContext { layout, records, names, blocks, remembered: 0, functions, acting: None }
     }
 
     /// Returns the device.

@@ -461,8 +461,12 @@ fn order(
         let count = arguments.len();
         return Err(format!("{count} arguments for `{function}`; a call has at most {MOST_ARGUMENTS}").into());
     }
+    let given = arguments.len();
     let arguments = Data::of(&arguments.clone().into())?;
-    context.device(|device| {
+    context.with(|context| {
+        let checked = context.functions.check_later(&function, Some(given));
+        let device = context.device()?;
+        checked?;
         let due = if is_after { device.now.saturating_add(us) } else { us.max(device.now) };
         device.timers.add(due, function, arguments).map(int)
     })
