@@ -1,11 +1,12 @@
 //! Patterns of register names: `node2.*STATUS*`, `node2.a_STAT_SL[0..3]`, `node2.a_RD_BMARRAY[*][0]`.
 
+use super::descriptor::{AreaStructure, Register};
 use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
 use super::register::RegisterRef;
 
 /// A piece of a pattern.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Token {
     /// A letter, compared without case.
     Letter(u8),
@@ -96,12 +97,67 @@ impl Pattern {
         }
     }
 
+    /// True if the pattern means this register. As in a name without `*`, a second name needs the area or the variable
+    /// before it, and is not used if another register there has this name as its own.
     fn means(&self, register: &RegisterRef) -> bool {
+        let RegisterRef { area, placed, register: own, role, .. } = *register;
         let path = register.path();
-        self.matches(&path)
-            || [register.area.name, register.placed.variable]
-                .iter()
-                .any(|front| self.matches(&format!("{front}.{path}")))
+        if self.matches(&path)
+            || self.matches_after(area.name, &path)
+            || self.matches_after(placed.variable, &path)
+        {
+            return true;
+        }
+        let Some(second) = register.second_path() else { return false };
+        let has_role = |other: &AreaStructure| role.is_none() || other.role.is_none() || other.role == role;
+        let is_free = |placed: &AreaStructure| {
+            let mut others = placed.structure.registers.iter();
+            others.all(|other| other.name != own.also || other.group != own.group)
+        };
+        let mut structures = area.structures.iter().filter(|other| has_role(other));
+        self.matches_after(area.name, &second) && structures.all(is_free)
+            || self.matches_after(placed.variable, &second) && is_free(placed)
+    }
+
+    fn matches_after(&self, front: &str, path: &str) -> bool {
+        self.matches(&format!("{front}.{path}"))
+    }
+
+    /// Returns the pattern with another token at this place.
+    fn with(&self, place: usize, token: Token) -> Self {
+        let tokens = self.0.iter().enumerate();
+        Self(tokens.map(|(at, own)| if at == place { token } else { *own }).collect())
+    }
+
+    /// Returns the error for a range of indices that goes beyond the end of all arrays that the pattern means. `found` are
+    /// the registers that it means, `all` returns the registers that another pattern means.
+    fn beyond_the_end(
+        &self,
+        text: &str,
+        found: &[RegisterRef],
+        all: impl Fn(&Pattern) -> Vec<RegisterRef>,
+    ) -> Option<LayoutError> {
+        let ranges = self.0.iter().enumerate().filter_map(|(at, token)| match token {
+            Token::Index(_, last) if *last != u32::MAX => Some((at, *last)),
+            _ => None,
+        });
+        let is_missing = |(at, last): &(usize, u32)| {
+            let end = self.with(*at, Token::Index(*last, *last));
+            !found.iter().any(|register| end.means(register))
+        };
+        let (at, last) = ranges.into_iter().find(is_missing)?;
+        let elements = all(&self.with(at, Token::Index(0, u32::MAX)));
+        let indices = elements.iter().flat_map(|it| {
+            let dims = it.index.into_iter().take(it.register.dims.len()).enumerate();
+            dims.map(move |(dim, index)| (index, dim, it))
+        });
+        let is_there = |(index, _, it): &(u16, usize, &RegisterRef)| {
+            self.with(at, Token::Index((*index).into(), (*index).into())).means(it)
+        };
+        let (end, dim, array) = indices.filter(is_there).max_by_key(|(index, ..)| *index)?;
+        let Register { group, name, group_dims, .. } = array.register;
+        let of = if dim < *group_dims { group } else { name };
+        Some(LayoutError::IndexRange { name: text.to_owned(), index: last, of, last: end })
     }
 }
 
@@ -114,11 +170,19 @@ fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
 
 impl DeviceFit {
     /// Returns the registers that match a pattern, area by area in address order.
+    ///
+    /// # Errors
+    /// The text is no pattern, no register matches, or a range of indices goes beyond the end of the array.
     pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let pattern = Pattern::parse(text)?;
-        let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
-        let found: Vec<_> =
-            areas.flat_map(|area| self.registers_where(area, |it| pattern.means(it))).collect();
+        let all = |pattern: &Pattern| -> Vec<_> {
+            let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
+            areas.flat_map(|area| self.registers_where(area, |it| pattern.means(it))).collect()
+        };
+        let found = all(&pattern);
+        if let Some(error) = pattern.beyond_the_end(text, &found, all) {
+            return Err(error);
+        }
         if found.is_empty() { Err(LayoutError::NoMatch { pattern: text.to_owned() }) } else { Ok(found) }
     }
 }
@@ -187,6 +251,35 @@ mod tests {
             assert!(message(text).contains("a range is written [0..3]"), "{text}");
         }
         assert!(message("node2.*größe*").contains("no register matches `node2.*größe*`"));
-        assert!(message("node2.a_STAT_SL[32..40]").contains("no register matches"));
+    }
+
+    #[test]
+    fn a_range_beyond_the_end_of_the_array_is_refused() {
+        let message = |text| DEVICE.registers(text).unwrap_err().to_string();
+        let beyond = |text: &str, index, of, last| {
+            let expected = format!("`{text}`: index {index} is out of range, {of} has elements 0 to {last}");
+            assert_eq!(DEVICE.registers(text).unwrap_err().to_string(), expected);
+        };
+        beyond("node2.a_STAT_SL[30..33]", 33, "a_STAT_SL", 31);
+        beyond("node2.a_STAT_SL[32..40]", 40, "a_STAT_SL", 31);
+        beyond("node2.a_RD_BMARRAY[0..31][0..16]", 16, "a_RD_BMARRAY", 15);
+        beyond("node2.a_RD_BMARRAY[32][*]", 32, "a_RD_BMARRAY", 31);
+        beyond("node2.a_DATA_PARAMETER[0..32].w_PAR_NR", 32, "a_DATA_PARAMETER", 31);
+        // One of the arrays has this element.
+        assert!(DEVICE.registers("node2.a_*[0..31]").is_ok());
+        assert!(message("node2.a_STATUS_SL[0..3]").contains("no register matches"));
+    }
+
+    #[test]
+    fn patterns_find_second_names() {
+        for front in ["node2", DEVICE.area("node2").unwrap().structures.last().unwrap().variable] {
+            let second = |rest: &str| names(&format!("{front}.a_RD_VALUE{rest}"));
+            let own = |rest: &str| names(&format!("{front}.a_RD_BMARRAY{rest}"));
+            for rest in ["[1][*]", "[0..1][3]", "[*]"] {
+                assert_eq!(second(rest), own(rest));
+            }
+        }
+        // Each register is listed once, also if both of its names match.
+        assert_eq!(names("node2.a_RD_*[1][*]").len(), 16);
     }
 }

@@ -54,7 +54,14 @@ impl RegisterRef {
     /// Returns the name without the area, for example `a_RD_BMARRAY[3][0]`.
     #[must_use]
     pub fn path(&self) -> String {
-        Path(self).to_string()
+        Path(self, self.register.name).to_string()
+    }
+
+    /// Returns the name without the area, with the second name of the register ([`Register::also`]). `None` if there is no
+    /// such name.
+    pub(super) fn second_path(&self) -> Option<String> {
+        let also = self.register.also;
+        (!also.is_empty()).then(|| Path(self, also).to_string())
     }
 
     /// Returns the register's first byte in the image.
@@ -160,15 +167,16 @@ impl fmt::Debug for RegisterRef {
 
 impl fmt::Display for RegisterRef {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&format!("{}.{}", self.front(), Path(self)))
+        f.pad(&format!("{}.{}", self.front(), Path(self, self.register.name)))
     }
 }
 
-struct Path<'a>(&'a RegisterRef);
+/// A register without its area, with one of its names.
+struct Path<'a>(&'a RegisterRef, &'static str);
 
 impl fmt::Display for Path<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Register { group, name, dims, group_dims, .. } = self.0.register;
+        let Register { group, dims, group_dims, .. } = self.0.register;
         let mut index = self.0.index.iter().take(dims.len());
         if !group.is_empty() {
             f.write_str(group)?;
@@ -177,7 +185,7 @@ impl fmt::Display for Path<'_> {
             }
             f.write_str(".")?;
         }
-        f.write_str(name)?;
+        f.write_str(self.1)?;
         index.try_for_each(|index| write!(f, "[{index}]"))
     }
 }

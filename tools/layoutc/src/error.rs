@@ -227,6 +227,8 @@ pub enum Reason {
     TextOrReserved,
     #[error("a `reset` makes no sense for sub-structure `{0}`; its registers carry their own")]
     ResetOfSubstructure(String),
+    #[error("a second name, `also`, makes no sense for sub-structure `{0}`; its registers carry their own")]
+    AlsoOfSubstructure(String),
     #[error(
         "`{structure}` has a register of {width} bytes at offset {offset} where `{other}`, \
          which lies over it in area `{area}`, has one of {other_width}: \

@@ -54,6 +54,10 @@ pub(crate) fn check(
     let also = match &entry.also {
         Some(also) => {
             identifier(sources, at(file, also.span()), also.get_ref())?;
+            if let FieldType::Sub(_) = kind {
+                let reason = Reason::AlsoOfSubstructure(name.clone());
+                return Err(sources.error(at(file, also.span()), reason));
+            }
             also.get_ref().clone()
         }
         None => String::new(),

@@ -255,4 +255,10 @@ fn reset_value_that_does_not_fit() {
         "type = \"PAIR\", reset = 1",
         "CTRL.toml:18:59: a `reset` makes no sense for sub-structure `a_PAIRS`; its registers carry their own",
     );
+    check(
+        "CTRL.toml",
+        "type = \"PAIR\"",
+        "type = \"PAIR\", also = \"a_COUPLES\"",
+        "CTRL.toml:18:58: a second name, `also`, makes no sense for sub-structure `a_PAIRS`; its registers carry their own",
+    );
 }
