@@ -161,7 +161,8 @@ fn head(area: &Area, structure: &str) -> String {
         }
         None => ("plain RAM".to_owned(), *page),
     };
-    format!("{name}  {}-{}  {doc}. {content} (p. {page})", area.begin(), area.numbers().end())
+    let page = if page.is_empty() { String::new() } else { format!(" (p. {page})") };
+    format!("{name}  {}-{}  {doc}. {content}{page}", area.begin(), area.numbers().end())
 }
 
 /// Returns the role that uses a structure, if another role uses another structure at the same addresses.

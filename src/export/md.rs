@@ -110,11 +110,11 @@ fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
     });
     let head = ["Register", "Address", "Type", "Owner", "Reset", "What", "Page", "From"];
     format!(
-        "## {}: {}{role}\n\n{} (p. {}), {} bytes at `{}`; variable `{}`{made_up}.{valid}\n\n{}\n",
+        "## {}: {}{role}\n\n{}{}, {} bytes at `{}`; variable `{}`{made_up}.{valid}\n\n{}\n",
         area.name,
         of.name,
         paragraph(of.doc),
-        escaped(of.page),
+        text::pages(&escaped(of.page)),
         of.bytes,
         area.begin(),
         placed.variable,

@@ -102,7 +102,19 @@ pub(crate) fn remark(register: &Register) -> String {
     let used = used(register).filter(|_| !register.reserved);
     let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
     let Register { owner, doc, page, .. } = register;
-    format!("{owner}: {doc}{used} (p. {page}{})", inferred(&register.provenance()))
+    let inferred = inferred(&register.provenance());
+    let sources = match page.is_empty() {
+        true => inferred.trim_start_matches("; ").to_owned(),
+        false => format!("p. {page}{inferred}"),
+    };
+    let sources = if sources.is_empty() { sources } else { format!(" ({sources})") };
+    format!("{owner}: {doc}{used}{sources}")
+}
+
+/// Suffix with the pages of the manual: ` (p. 12)`. The suffix is empty if the manual has no page, as for the word of a
+/// device's front that commram adds.
+pub(crate) fn pages(page: &str) -> String {
+    if page.is_empty() { String::new() } else { format!(" (p. {page})") }
 }
 
 /// Suffix of a variable: empty, or the decision from which its name follows.
@@ -137,7 +149,7 @@ pub(crate) fn sources(registers: &[Register]) -> Option<String> {
 
 /// Description of a structure: purpose, pages, and its inferred facts.
 pub(crate) fn about(structure: &Structure) -> String {
-    let about = format!("{} (p. {}).", structure.doc, structure.page);
+    let about = format!("{}{}.", structure.doc, pages(structure.page));
     match sources(structure.registers) {
         Some(sources) => format!("{about} {sources}"),
         None => about,

@@ -110,6 +110,25 @@ fn the_map_and_the_exports_read_a_folder_without_an_emulator() {
     assert!(unnamed.fails(2).contains("[possible values: omega-drive-line-2, "), "{}", unnamed.err);
 }
 
+/// The word that shows the state of the script is in no manual.
+#[test]
+fn a_word_without_a_page_has_no_page_in_maps_and_exports() {
+    let place = Place::new();
+    place.write("cards/digital-io/firmware.rhai", "fn power_on() {}");
+    let card = place.path("cards/digital-io");
+    let map = run(&["map", "--device", &card]);
+    assert!(map.ok().contains("FRONT_WORDS: What the device has at its front\n"), "{}", map.out);
+    let detail = run(&["map", "front.script", "--device", &card]);
+    assert!(!detail.ok().contains("  manual  "), "{}", detail.out);
+    let exports = ["c", "st", "python", "systemrdl", "md"];
+    let exports = exports.map(|format| run(&["export", format, "--device", &card]));
+    for text in [map, detail].iter().chain(&exports).map(|outcome| outcome.ok()) {
+        for wrong in ["(p. )", "(p. ;", "p.    ", "p. \n"] {
+            assert!(!text.contains(wrong), "{wrong}: {text}");
+        }
+    }
+}
+
 /// The names of exported padding belong to no register.
 #[test]
 fn a_register_may_have_the_name_of_padding() {

@@ -38,15 +38,18 @@ fn line(name: &str, value: String) -> Vec<String> {
 }
 
 fn facts(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
-    vec![
+    let mut lines = vec![
         line("meaning", entry.meaning.to_owned()),
         line("address", address(entry)),
         line("type", entry.ty.clone()),
         line("owner", entry.owner.clone()),
         line("reset value", entry.reset.clone()),
         line("structure", entry.structure.to_owned()),
-        line("manual", format!("{} p. {}", manual(device, entry), entry.page)),
-    ]
+    ];
+    if !entry.page.is_empty() {
+        lines.push(line("manual", format!("{} p. {}", manual(device, entry), entry.page)));
+    }
+    lines
 }
 
 /// Returns the manual with the pages of a register: that of the device, or that of an option card.

@@ -124,7 +124,7 @@ impl Row for Entry {
 impl Entry {
     /// Returns the columns that fit on a terminal.
     pub(crate) fn text_cells(&self) -> Vec<String> {
-        let page = format!("p. {}", self.page);
+        let page = if self.page.is_empty() { String::new() } else { format!("p. {}", self.page) };
         let meaning = self.meaning.to_owned();
         let texts = [&self.name, &self.address, &self.ty, &self.owner].map(Clone::clone);
         texts.into_iter().chain([page, self.provenance.short.clone(), meaning]).collect()

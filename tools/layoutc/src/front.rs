@@ -25,7 +25,8 @@ pub struct Front {
 pub fn of(device: &Device) -> Option<Front> {
     let last = device.front.last()?;
     let ours = Provenance::Inferred(DECISION.to_owned());
-    let pages: BTreeSet<_> = device.front.iter().map(|word| word.page.as_str()).collect();
+    let pages = device.front.iter().map(|word| word.page.as_str()).filter(|page| !page.is_empty());
+    let pages: BTreeSet<_> = pages.collect();
     let page = pages.into_iter().collect::<Vec<_>>().join(", ");
     let words = Structure {
         name: "FRONT_WORDS".to_owned(),
