@@ -43,6 +43,13 @@ pub(crate) fn blocks() -> ArgValueCompleter {
     })
 }
 
+/// Completes the areas of a device.
+pub(crate) fn areas() -> ArgValueCompleter {
+    of(|current| {
+        PlcScope::load().areas(current, "").into_iter().map(|(name, help)| candidate(name, help)).collect()
+    })
+}
+
 /// Completes arguments of the form `REG=VALUE`.
 pub(crate) fn writes() -> ArgValueCompleter {
     of(|current| values_of(current, &["="]).unwrap_or_else(|| registers_with(current, "=")))

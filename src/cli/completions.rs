@@ -60,9 +60,13 @@ fn script(shell: Shell) -> Result<String, CliError> {
             .replacen("[=/:]$", "[=/:.[]$", 1)
             .replacen(
                 // After a separator such as `=`, bash passes the separator as the word to complete. The word to
-                // complete is then empty, and the separator must stay in the line.
+                // complete is then empty, and the separator must stay in the line. Within quotes, bash passes the
+                // word without the quote at its beginning, and quotes the candidates itself if they are names of
+                // files.
                 "        words[COMP_CWORD]=\"$2\"",
-                "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
+                "        local quote=\"${words[COMP_CWORD]:0:1}\"\n        \
+                 [[ $quote == [\\\"\\'] && ( -z $2 || ${words[COMP_CWORD]} != \"$2\"* ) ]] && compopt -o filenames 2> /dev/null || quote=\n        \
+                 [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$quote$2\"",
                 1,
             )
             // Bash must not expand a candidate as a pattern of file names.
@@ -126,17 +130,20 @@ impl EnvCompleter for WholeWords {
         let index = std::env::var("_CLAP_COMPLETE_INDEX").ok().and_then(|index| index.parse().ok());
         let index: usize = index.unwrap_or(args.len().saturating_sub(1));
         let mut until = args.get(..=index).unwrap_or(&args).to_vec();
+        let mut quote = None;
         if let Some(begun) = until.last_mut()
             && let Some(text) = begun.to_str()
         {
-            *begun = quoting::unquoted(text).into();
+            let (found, text) = quoting::unquoted(text);
+            (quote, *begun) = (found, text.into());
         }
         let (words, front) = (complete::whole(&until), complete::front_of_last(&until));
         let (last, front) = (words.len().saturating_sub(1), front.to_string_lossy());
         let separator = std::env::var("_CLAP_IFS").unwrap_or_else(|_| "\n".to_owned());
         let found = clap_complete::engine::complete(command, words, last, directory)?;
-        let found =
-            found.iter().filter_map(|it| quoting::quoted(it.get_value().to_str()?.strip_prefix(&*front)?));
+        let found = found
+            .iter()
+            .filter_map(|it| quoting::quoted(it.get_value().to_str()?.strip_prefix(&*front)?, quote));
         write!(out, "{}", found.collect::<Vec<_>>().join(&separator))
     }
 }
@@ -156,7 +163,10 @@ mod tests {
     fn scripts_add_no_blank_after_a_word_that_can_be_continued() {
         let bash = script(Shell::Bash).ok().unwrap();
         assert!(bash.contains("set -f\n") && bash.contains("eval \"$globbing\"\n    if [[ $code"), "{bash}");
-        assert!(bash.contains("[=/:.[]$") && bash.contains("== [=:]* ]] || words[COMP_CWORD]="), "{bash}");
+        assert!(
+            bash.contains("[=/:.[]$") && bash.contains("== [=:]* ]] || words[COMP_CWORD]=\"$quote"),
+            "{bash}"
+        );
         let zsh = script(Shell::Zsh).ok().unwrap();
         for part in ["local -a begun=()", "begun+=(", "_describe -V 'values' begun -S ''"] {
             assert!(zsh.contains(part), "{part}\n{zsh}");

@@ -101,6 +101,12 @@ impl TypedValueParser for DeviceParser {
     }
 }
 
+/// Returns the register map of the device that the value of `--device` names; `None` if there is no such device.
+pub(super) fn named(name: &str) -> Option<&'static DeviceLayout> {
+    let device = DeviceParser.parse_ref(&Command::new(""), None, OsStr::new(name));
+    device.ok().map(|device| device.layout)
+}
+
 /// Splits a value such as `plant.toml:line` into a plant file and the name of a device.
 fn in_plant(value: &str) -> Option<(&str, &str)> {
     value.rsplit_once(':').filter(|(plant, _)| plant.ends_with(".toml"))

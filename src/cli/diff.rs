@@ -120,7 +120,7 @@ fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) ->
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
-        Ok::<_, CliError>(area(session.device(DeviceIndex::at(plc)), held)?.first)
+        Ok::<_, CliError>((held.plc.clone(), area(session.device(DeviceIndex::at(plc)), held)?.first))
     };
     let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
     let plain = plain_ram(&session, before)?;

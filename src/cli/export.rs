@@ -48,7 +48,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Only this block, for example `node2`
-    #[arg(long, value_name = "NAME")]
+    #[arg(add = super::complete::areas(), long, value_name = "NAME")]
     block: Option<String>,
     /// With `st`: one elementary variable per register instead of structures
     #[arg(long)]

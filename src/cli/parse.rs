@@ -1,7 +1,7 @@
 //! The command line of this program: its commands in groups, and the positions where options are allowed.
 
 use super::instance::instance_name;
-use super::{Cli, CommonOptions, advice, config};
+use super::{Cli, CommonOptions, advice, complete, config};
 use crate::devices::folder;
 use clap::builder::Resettable;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -40,6 +40,7 @@ fn adapt(command: Command) -> Command {
         .long("instance")
         .value_name("NAME")
         .value_parser(instance_name)
+        .add(complete::instances())
         .help("Name of the instance, for every command that uses one");
     folder::search_first(config::get().devices());
     config::get().apply(command.arg(instance))

@@ -106,7 +106,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "junit")]
     watch: bool,
     /// Run on this running instance, one scenario after the other, instead of on separate plants
-    #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
+    #[arg(add = super::complete::instances(), long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
     /// Write only the definitions of the verbs into this directory, for editors that know Rhai
     #[arg(

@@ -111,6 +111,21 @@ fn diff_names_a_plc_that_the_instance_does_not_have() {
     assert!(!outcome.err.contains("another structure"), "{}", outcome.err);
 }
 
+/// Areas of several PLCs have the same names.
+#[test]
+fn diff_compares_only_the_plcs_of_a_dump() {
+    let directory = TempDir::new().unwrap();
+    let plant = directory.path().join("plant.toml");
+    fs::write(&plant, "[[plc]]\nname = 'one'\n[[plc]]\nname = 'two'\n").unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    emulator.poke(&["one:node2.b_AC=16#FF", "two:node2.b_AC=16#FF"]);
+    let path = save(&emulator, &directory, "one.json", &["one:node2", "--full"]);
+    assert_eq!(diff(&emulator, &[path.to_str().unwrap()], 0), "no differences\n");
+    emulator.poke(&["one:node2.b_AC=16#FE", "two:node2.b_AC=16#FE"]);
+    let printed = diff(&emulator, &[path.to_str().unwrap()], 1);
+    assert!(printed.starts_with("one:node2.b_AC") && printed.lines().count() == 1, "{printed}");
+}
+
 /// Plain RAM has no registers: retain flags, flags and the memory of option cards.
 #[test]
 fn diff_compares_plain_ram() {

@@ -64,6 +64,19 @@ fn running_instances_their_plcs_and_buses_are_completed() {
         run(&["fault", "add", "lose_frame", "-i", name, slot]).ok();
     }
     assert_eq!(completed(&["fault", "clear", "-i", name, "1", ""])[..1], ["2"]);
+    assert!(completed(&["-i", &name[..2]]).contains(&name.to_owned()));
+    assert!(completed(&["test", "--attach", &name[..2]]).contains(&name.to_owned()));
+}
+
+/// A running instance does not matter to a command that names another device.
+#[test]
+fn registers_of_the_device_on_the_command_line_are_completed() {
+    let emulator = Emulator::stepped();
+    let of = |device, begun| completed(&["map", "-i", &emulator.name, "--device", device, begun]);
+    assert_eq!(of("can-dp2", "ms"), ["mst.", "mst"]);
+    assert_eq!(of("can-dp2", "nod"), [""; 0]);
+    assert!(of("tools/devices/mailbox", "bo").contains(&"box.".to_owned()));
+    assert_eq!(completed(&["export", "st", "--device", "can-dp2", "--block", "ms"]), ["mst"]);
 }
 
 #[test]
@@ -118,10 +131,17 @@ fn bash_runs_nothing_of_a_completed_name() {
     }
     let script = format!(
         "cd {}; source <(commram completions bash)
-        for begun in './' './b\\ ' \"'./\"; do
+        for begun in './' './b\\ '; do
             COMP_WORDS=(commram test \"$begun\"); COMP_CWORD=2
             _clap_complete_commram commram \"$begun\" test
             for word in \"${{COMPREPLY[@]}}\"; do eval \"printf '%s|' $word\"; done; echo
+        done
+        # Bash quotes names of files within quotes, which it passes without the opening quote.
+        compopt() {{ if [[ $2 == filenames ]]; then is_quoted=true; fi; }}
+        for quote in \"'\" '\"'; do
+            COMP_WORDS=(commram test \"$quote./b c\"); COMP_CWORD=2; is_quoted=false
+            _clap_complete_commram commram './b c' test
+            printf '%s|' $is_quoted \"${{COMPREPLY[@]}}\"; echo
         done; [[ $- == *f* ]] && echo globbing; test ! -e ran",
         directory.path().display()
     );
@@ -133,7 +153,10 @@ fn bash_runs_nothing_of_a_completed_name() {
             words.sort_unstable();
             *line = words.concat();
         }
-        assert_eq!(found, [all, "./b c'd\"e.rhai|", all]);
+        let quoted = "true|./b c'd\"e.rhai|";
+        let quoted = quoted.split_inclusive('|').collect::<std::collections::BTreeSet<_>>();
+        let quoted: String = quoted.into_iter().collect();
+        assert_eq!(found, [all, "./b c'd\"e.rhai|", &quoted, &quoted]);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The PLCs that register names can refer to, and the names that match the typed text, for shells and for editors.
 
 use super::line::{instance, option};
+use crate::cli::device::named;
 use crate::cli::session::Session;
 use crate::devices;
 use crate::fault::{FaultKind, Field, Form};
@@ -28,17 +29,19 @@ pub(in crate::cli) struct NamedValue {
 }
 
 impl PlcScope {
-    /// Returns the PLCs of the instance on the command line. If no instance runs, returns the default device.
+    /// Returns the device that the command line names by `--device`, otherwise the PLCs of its instance. If no instance
+    /// runs, returns the default device.
     pub(super) fn load() -> Self {
+        let of_device = |device| Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] };
+        if let Some(device) = option(&["--device"]).and_then(|name| named(&name)) {
+            return of_device(device);
+        }
         if let Some(session) = Session::glance(&instance()) {
             let plcs = DeviceIndex::enumerate(session.plcs())
                 .map(|(number, name)| (name.clone(), session.fitted(number)));
             return Self { plcs: plcs.collect() };
         }
-        let named = option(&["--device"]);
-        let device: &'static DeviceLayout =
-            named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
-        Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
+        of_device(devices::default().layout)
     }
 
     /// Returns the PLCs of a plant.

@@ -1,10 +1,14 @@
 //! Quoting of words for bash. Bash inserts a completion into the line unchanged, and names of files can contain any
 //! character.
 
-/// Returns the text, quoted for bash. `None` for a text with control characters, which a command line cannot contain.
-pub(super) fn quoted(text: &str) -> Option<String> {
+/// Returns the text, quoted for bash. Within quotes it stays unchanged, because bash quotes it and adds the `/` of a
+/// directory. `None` for a text with control characters, which a command line cannot contain.
+pub(super) fn quoted(text: &str, quote: Option<Quote>) -> Option<String> {
     if text.chars().any(char::is_control) {
         return None;
+    }
+    if quote.is_some() {
+        return Some(text.strip_suffix('/').unwrap_or(text).to_owned());
     }
     let mut out = String::with_capacity(text.len());
     let mut rest = text.char_indices();
@@ -23,14 +27,32 @@ pub(super) fn quoted(text: &str) -> Option<String> {
     Some(out)
 }
 
-/// Returns the text of an incomplete word, without backslashes and without the quote at its beginning.
-pub(super) fn unquoted(word: &str) -> String {
-    let mut out = String::with_capacity(word.len());
-    let mut signs = word.strip_prefix(['"', '\'']).unwrap_or(word).chars();
+/// The open quote at the end of an incomplete word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quote {
+    /// `'`: all characters are those of the text.
+    Single,
+    /// `"`: a backslash quotes some characters.
+    Double,
+}
+
+/// Returns the text of an incomplete word, and the quote that is open at its end.
+pub(super) fn unquoted(word: &str) -> (Option<Quote>, String) {
+    let (mut quote, mut out) = (None, String::with_capacity(word.len()));
+    let mut signs = word.chars().peekable();
     while let Some(sign) = signs.next() {
-        out.extend(if sign == '\\' { signs.next() } else { Some(sign) });
+        match (sign, quote) {
+            ('\'', None) => quote = Some(Quote::Single),
+            ('"', None) => quote = Some(Quote::Double),
+            ('\'', Some(Quote::Single)) | ('"', Some(Quote::Double)) => quote = None,
+            ('\\', None) => out.extend(signs.next()),
+            ('\\', Some(Quote::Double)) => {
+                out.push(signs.next_if(|next| "\"\\$`".contains(*next)).unwrap_or(sign));
+            }
+            _ => out.push(sign),
+        }
     }
-    out
+    (quote, out)
 }
 
 #[cfg(test)]
@@ -42,17 +64,33 @@ mod tests {
         for text in
             ["node2.a_STAT_SL[3]", "%MB3.203968", "w_CPU_CONTROL==restart", "a!=b", "größe/x-1_2,3@4+5"]
         {
-            assert_eq!(quoted(text).unwrap(), text);
+            assert_eq!(quoted(text, None).unwrap(), text);
         }
     }
 
     #[test]
     fn a_quoted_text_is_read_as_the_text() {
         let text = "~a b$(c)`d`;e|f&g<h>i'j\"k\\l{m,n}*o?p!q^2#r~";
-        let spelled = quoted(text).unwrap();
+        let spelled = quoted(text, None).unwrap();
         assert!(spelled.starts_with("\\~a\\ b\\$\\(c\\)\\`d\\`\\;"), "{spelled}");
-        assert_eq!(unquoted(&spelled), text);
-        assert_eq!(unquoted("\"begun"), "begun");
-        assert_eq!(quoted("a\nb"), None);
+        assert_eq!(unquoted(&spelled), (None, text.to_owned()));
+        assert_eq!(quoted("a\nb", None), None);
+    }
+
+    #[test]
+    fn a_quote_decides_what_a_backslash_means() {
+        for (word, quote, text) in [
+            (r#""a\$b\c\\"#, Some(Quote::Double), r"a$b\c\"),
+            (r"'a\$b", Some(Quote::Single), r"a\$b"),
+            (r"a\$b", None, "a$b"),
+            ("\"my plants\"/", None, "my plants/"),
+            ("'it'\\''s", Some(Quote::Single), "it's"),
+            ("\"", Some(Quote::Double), ""),
+            ("", None, ""),
+            ("größe", None, "größe"),
+        ] {
+            assert_eq!(unquoted(word), (quote, text.to_owned()), "{word}");
+        }
+        assert_eq!(quoted("a b$c/", Some(Quote::Double)).unwrap(), "a b$c");
     }
 }
