@@ -119,6 +119,44 @@ fn the_page_exchanges_the_token_for_a_key() {
 }
 
 #[test]
+fn signing_out_ends_the_event_streams_of_the_key() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let [key, other] = [(); 2].map(|()| server.sign_in());
+    let [mut of_key, mut of_other] = [&key, &other].map(|key| server.events_of_key(key, "clock=1"));
+    let mut of_token = server.events("clock=1");
+    for stream in [&mut of_key, &mut of_other, &mut of_token] {
+        stream.until("clock", |_| true);
+    }
+    let bearer = format!("Bearer {key}");
+    assert_eq!(server.request("DELETE", "/api/v1/session", &[("authorization", &bearer)], "").status, 204);
+    while of_key.next().is_some() {}
+    emulator.step(&["5us"]);
+    for stream in [&mut of_other, &mut of_token] {
+        stream.until("clock", |clock| clock["time_us"] == 5);
+    }
+}
+
+#[test]
+fn signing_in_again_and_again_signs_out_no_page() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let [page, hidden, unused] = [(); 3].map(|()| server.sign_in());
+    let mut stream = server.events_of_key(&page, "clock=1");
+    stream.until("clock", |_| true);
+    server.events_of_key(&hidden, "clock=1").until("clock", |_| true);
+    for _ in 0..70 {
+        server.sign_in();
+    }
+    let status = |key: &str| {
+        server.request("GET", "/api/v1/session", &[("authorization", &format!("Bearer {key}"))], "").status
+    };
+    assert_eq!([&page, &hidden, &unused].map(|key| status(key)), [200, 200, 401]);
+    emulator.step(&["5us"]);
+    stream.until("clock", |clock| clock["time_us"] == 5);
+}
+
+#[test]
 fn requests_of_other_sites_are_refused() {
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &["--origin", "https://plant.example"]);

@@ -1,7 +1,7 @@
 //! A server, and requests to it.
 
 use crate::common::{Emulator, commram, wait_for};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
@@ -162,7 +162,17 @@ impl Server {
 
     /// Starts a stream of events.
     pub(crate) fn events(&self, query: &str) -> EventStream {
-        self.events_at(self.connect(), query)
+        self.events_at(self.connect(), query, &self.bearer())
+    }
+
+    /// Starts a stream of events with a key.
+    pub(crate) fn events_of_key(&self, key: &str, query: &str) -> EventStream {
+        self.events_at(self.connect(), query, &format!("Bearer {key}"))
+    }
+
+    /// Signs in, and returns the key.
+    pub(crate) fn sign_in(&self) -> String {
+        self.post("/api/v1/session", &json!({ "token": self.token })).ok()["key"].as_str().unwrap().to_owned()
     }
 
     /// Starts a stream of events for a reader with a small receive buffer.
@@ -173,13 +183,12 @@ impl Server {
         rustix::net::connect(&socket, &self.address).unwrap();
         let stream = TcpStream::from(socket);
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        self.events_at(stream, query)
+        self.events_at(stream, query, &self.bearer())
     }
 
-    fn events_at(&self, mut stream: TcpStream, query: &str) -> EventStream {
+    fn events_at(&self, mut stream: TcpStream, query: &str, bearer: &str) -> EventStream {
         let path = self.path(&format!("events?{query}"));
-        let headers = [("authorization", self.bearer())];
-        let headers = headers.each_ref().map(|(name, value)| (*name, value.as_str()));
+        let headers = [("authorization", bearer)];
         stream.write_all(request_text(self.address, "GET", &path, &headers, "").as_bytes()).unwrap();
         EventStream { lines: BufReader::new(stream) }
     }

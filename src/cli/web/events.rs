@@ -16,7 +16,7 @@ use super::router::{Pairs, pairs};
 use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use feed::{Subscription, Wish};
 use hyper::body::Frame;
@@ -66,11 +66,13 @@ pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path(instance): Path<String>,
     query: Result<Query<Pairs>, QueryRejection>,
+    headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let pairs = pairs(query)?;
     let permit = Arc::clone(&app.streams).try_acquire_owned();
     let permit =
         permit.map_err(|_| Problem::too_many(format!("there are {MAX_STREAMS} event streams already")))?;
+    let session = app.guard.stream_of(&headers);
     let links = app.hub.find(&instance)?;
     let wish = links.looks.run(move |connection| Wish::of_query(connection, &pairs)).await;
     let wish = wish.inspect_err(|problem| app.notice(&instance, problem))?;
@@ -82,7 +84,12 @@ pub(super) async fn answer(
         // The buffer is empty, so it has room for the first part.
         let _ = sender.try_send(reader.events(&round).into());
     }
-    tokio::spawn(send(subscription, reader, sender, permit));
+    tokio::spawn(async move {
+        tokio::select! {
+            () = session.wait() => {}
+            () = send(subscription, reader, sender, permit) => {}
+        }
+    });
     let mut response = Response::new(Body::new(EventBody(body)));
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
     Ok(response)

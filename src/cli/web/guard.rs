@@ -4,7 +4,7 @@
 use super::connections::Peer;
 use super::problem::Problem;
 use super::secret::Secret;
-use super::session::{Sessions, bearer};
+use super::session::{SessionEnd, Sessions, bearer};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode, Uri, header};
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -64,7 +64,7 @@ impl Origin {
 pub(super) struct Guard {
     /// The token of the server. Programs send the token with each request, and browsers exchange it for a key.
     pub token: Secret,
-    /// Keys of the browsers that are signed in.
+    /// Keys of the clients that are signed in.
     pub sessions: Sessions,
     pub origins: Vec<Origin>,
 }
@@ -136,6 +136,12 @@ impl Guard {
     /// Returns the session of a request: its key. All requests with the token share one session with an empty key.
     pub(super) fn session_of(&self, headers: &HeaderMap) -> String {
         bearer(headers).filter(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
+    }
+
+    /// Notes that a request opens an event stream, and returns the end of its session.
+    pub(super) fn stream_of(&self, headers: &HeaderMap) -> SessionEnd {
+        let secret = bearer(headers).unwrap_or_default();
+        if self.token.is(secret.as_bytes()) { SessionEnd::NEVER } else { self.sessions.stream(secret) }
     }
 }
 
