@@ -4,6 +4,7 @@ use super::error::CliError;
 use super::instance::instance_name;
 use super::output;
 use super::start::{InitialState, OnSignal, Settings, TerminationSignals, in_thread};
+use crate::memory::limits;
 use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};
 use signal_hook::consts::SIGINT;
@@ -93,7 +94,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Ok(status) if status.success() => return Ok(outcome?),
         Ok(status) => ended_like(status),
         Err(reason) => {
-            output::complain(&format!("cannot run {}: {reason}", program.display()));
+            let limit = limits::named(&reason);
+            output::complain(&format!("cannot run {}: {reason}{limit}", program.display()));
             let missing = reason.kind() == io::ErrorKind::NotFound;
             CliError::Ended(if missing { NO_SUCH_COMMAND } else { CANNOT_RUN })
         }

@@ -87,7 +87,7 @@ pub enum HelicsError {
         limit: Duration,
     },
     /// The thread cannot be started.
-    #[error("cannot start a thread: {0}")]
+    #[error("cannot start a thread: {reason}{}", crate::memory::limits::named(.0), reason = .0)]
     Thread(std::io::Error),
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod of_command;
 #[cfg(feature = "emulator")]
 pub(crate) mod space;
 
+use super::process::read_kernel_file;
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::os::fd::AsRawFd;
@@ -24,22 +25,77 @@ pub(crate) fn named(reason: &io::Error) -> String {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
         Some(Errno::FBIG) => describe_file_limit(),
-        Some(Errno::AGAIN) if describe_space_limit().is_empty() => describe_thread_limit(),
-        Some(Errno::NOMEM | Errno::AGAIN) => describe_space_limit(),
+        Some(Errno::NOMEM) => describe_space_limit(),
+        Some(Errno::AGAIN) => describe_limit_of_start(),
         _ => String::new(),
+    }
+}
+
+/// Largest memory of the start of a thread or a process, in bytes: the stack of a scenario, and the same again for the
+/// memory that other threads have freed since the error.
+const OF_A_START: u64 = 32 << 20;
+
+/// Returns a text like [`named`], for a thread or a process that could not be started. The system reports the same error
+/// for too many threads, and for a stack without memory.
+fn describe_limit_of_start() -> String {
+    let of_threads = describe_thread_limit();
+    if of_threads.is_empty() || MEMORIES.iter().any(|memory| memory.is_nearly_full(OF_A_START)) {
+        return describe_space_limit();
+    }
+    of_threads
+}
+
+/// Kernel file with the sizes of this process's memory.
+const STATUS: &str = "/proc/self/status";
+
+/// A kind of memory of this process that can be limited.
+struct Memory {
+    resource: Resource,
+    /// Begin of the line of [`STATUS`] with its size.
+    line: &'static str,
+    what: &'static str,
+    /// Option of `ulimit`.
+    option: &'static str,
+}
+
+const DATA: Memory = Memory { resource: Resource::Data, line: "VmData:", what: "data", option: "-d" };
+const ADDRESS_SPACE: Memory =
+    Memory { resource: Resource::As, line: "VmSize:", what: "address space", option: "-v" };
+const MEMORIES: [Memory; 2] = [DATA, ADDRESS_SPACE];
+
+impl Memory {
+    fn limit(&self) -> Option<u64> {
+        getrlimit(self.resource).current
+    }
+
+    /// Returns the number of bytes in use, or 0 if it cannot be read.
+    fn used(&self) -> u64 {
+        let status = read_kernel_file(STATUS).unwrap_or_default();
+        let size = status.lines().find_map(|line| line.strip_prefix(self.line));
+        let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
+        kib.unwrap_or(0_u64).saturating_mul(1024)
+    }
+
+    /// True if the limit leaves less than `needed` bytes.
+    fn is_nearly_full(&self, needed: u64) -> bool {
+        self.limit().is_some_and(|most| most < self.used().saturating_add(needed))
     }
 }
 
 /// Returns a text like [`named`], for an error that a lack of memory may have caused. It is empty unless the address
 /// space or the data segment is limited.
 pub(crate) fn describe_space_limit() -> String {
-    let named = |most: Option<u64>, what, option| {
-        most.map_or_else(String::new, |most| {
-            format!("; this process may have {} KiB of {what} (`ulimit {option}`)", most / 1024)
+    let named = |memory: Memory| {
+        memory.limit().map_or_else(String::new, |most| {
+            format!(
+                "; this process may have {} KiB of {} (`ulimit {}`)",
+                most / 1024,
+                memory.what,
+                memory.option
+            )
         })
     };
-    let data = named(getrlimit(Resource::Data).current, "data", "-d");
-    named(address_space(), "address space", "-v") + &data
+    named(ADDRESS_SPACE) + &named(DATA)
 }
 
 /// Directory with the control groups of the system.
@@ -126,10 +182,6 @@ pub(crate) struct FileLimit {
     pub(crate) most: u64,
 }
 
-fn address_space() -> Option<u64> {
-    getrlimit(Resource::As).current
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,6 +196,7 @@ mod tests {
         let has_limit = !describe_space_limit().is_empty() || getrlimit(Resource::Nproc).current.is_some();
         assert_eq!(of(Errno::AGAIN).is_empty(), !has_limit);
         assert_eq!(of(Errno::NOMEM), describe_space_limit());
+        assert!(DATA.used() > 0 && ADDRESS_SPACE.used() > DATA.used());
     }
 
     #[test]

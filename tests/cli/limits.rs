@@ -271,6 +271,23 @@ fn too_few_threads_are_named_and_cause_no_wrong_advice() {
             assert_eq!(stopped.code == Some(0), is_running, "{few} {args:?}: {outcome:?} {stopped:?}");
         }
     }
+    // The process of a scenario has a limit of its data, too; it is not the cause.
+    let scenario = tempfile::Builder::new().suffix(".rhai").tempfile().unwrap();
+    std::fs::write(&scenario, "expect_that(now() == now(), \"\");").unwrap();
+    std::fs::set_permissions(&scenario, std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
+    let scenario = scenario.path().to_str().unwrap();
+    for few in 1..24 {
+        let limit = format!("--nproc={few}");
+        for args in [&["test", "--attach", &name, scenario][..], &["with", "--", "true"]] {
+            let outcome = as_user(&limit, args);
+            let text = format!("{}{}", outcome.out, outcome.err);
+            assert!(
+                !text.contains("os error 11") || text.contains("(`ulimit -u`)"),
+                "{few} {args:?}: {text}"
+            );
+            assert!(!text.contains("ulimit -d"), "{few} {args:?}: {text}");
+        }
+    }
     as_user("--core=0", &["stop"]).ok();
     assert_eq!(files_of(&name), Vec::<PathBuf>::new());
 }

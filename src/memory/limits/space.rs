@@ -1,10 +1,7 @@
 //! Checks whether a process may have the memory that it needs.
 
-use crate::memory::process::read_kernel_file;
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-
-/// Kernel file with the sizes of this process's memory.
-const STATUS: &str = "/proc/self/status";
+use super::{ADDRESS_SPACE, DATA, MEMORIES, Memory};
+use rustix::process::{Rlimit, getrlimit, setrlimit};
 
 /// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
 /// threads grow in steps of 132 KiB. Whether one more step is needed depends on random addresses and on the order of
@@ -30,12 +27,11 @@ pub(crate) struct MemoryLimit {
 /// # Errors
 /// The limit that is too low, with a number of bytes that is also enough for the next start.
 pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
-    let memories =
-        [(Resource::Data, "VmData:", "data", "-d"), (Resource::As, "VmSize:", "address space", "-v")];
-    for (resource, line, what, option) in memories {
+    for memory in MEMORIES {
+        let Memory { resource, what, option, .. } = memory;
         let Rlimit { current, maximum } = getrlimit(resource);
         let Some(most) = current else { continue };
-        let needed = used(line).saturating_add(more);
+        let needed = memory.used().saturating_add(more);
         if most >= needed {
             continue;
         }
@@ -53,21 +49,13 @@ pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
 /// A number of bytes that is also enough for the next start, and the allowed number.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
-    let Some(most) = super::address_space() else { return Ok(()) };
-    let needed = used("VmSize:").saturating_add(more);
+    let Some(most) = ADDRESS_SPACE.limit() else { return Ok(()) };
+    let needed = ADDRESS_SPACE.used().saturating_add(more);
     if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 
 /// Returns the memory in bytes that counts for the limit `ulimit -d` of this process.
 #[cfg(feature = "cli")]
 pub(crate) fn data_in_use() -> u64 {
-    used("VmData:")
-}
-
-/// Returns the number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
-fn used(name: &str) -> u64 {
-    let status = read_kernel_file(STATUS).unwrap_or_default();
-    let size = status.lines().find_map(|line| line.strip_prefix(name));
-    let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
-    kib.unwrap_or(0_u64).saturating_mul(1024)
+    DATA.used()
 }
