@@ -5,6 +5,7 @@ pub(crate) use super::engine::is_plant_text;
 use super::bench::Bench;
 use super::complaint::{misread, no_function_among};
 use super::engine::{Stage, engine, wrong_count};
+use super::imports::{Namesake, namesakes};
 use super::run::{Limits, limit};
 use super::{ScenarioError, Span, Value, Verb};
 use crate::layout::NamedLocation;
@@ -12,7 +13,7 @@ use crate::whole_script;
 use core::cell::RefCell;
 use rhai::{Engine, ParseError};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -67,6 +68,17 @@ impl Checker {
         let source = line.and_then(|line| text.split('\n').nth(line.checked_sub(1)?));
         let what = misread(&reason, source.unwrap_or_default());
         Some(Misreading { line, column: position.position(), what })
+    }
+
+    /// Returns the functions that a run of the script `text` in this file would refuse, because an imported script has
+    /// them, too. `read` returns the text of a file.
+    pub(crate) fn namesakes(
+        &self,
+        file: &Path,
+        text: &str,
+        read: &dyn Fn(&Path) -> Option<String>,
+    ) -> Option<Namesake> {
+        namesakes(&self.engine, file, text, read)
     }
 
     /// True if a script can call a function of this name without defining it.

@@ -30,6 +30,7 @@ pub(super) use shown::value_text;
 pub(super) use stage::Stage;
 #[cfg(feature = "cli")]
 pub(crate) use stage::is_plant_text;
+pub(super) use wrong::refuse_sleep;
 #[cfg(feature = "cli")]
 pub(super) use wrong::wrong_count;
 
@@ -53,6 +54,7 @@ pub(super) fn reader(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.on("peek", |stage| move |register: &str| stage.preview(|bench| bench.peek(register)));
     verbs.on("describe", |stage| move |register: &str| stage.preview(|bench| bench.describe(register)));
     verbs.on("now", |stage| move || stage.preview(|bench| Ok(int(bench.now()?))));
+    refuse_sleep(&mut verbs.engine);
     caught::register(&mut verbs.engine);
     shown::register(&mut verbs.engine);
     name_types(&mut verbs.engine);

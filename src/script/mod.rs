@@ -38,6 +38,8 @@ pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
 pub use failure::{ExchangeKind, ExchangeStep, Failure, FailureKind, JournalLine, Numbers, ScriptLocation};
 #[cfg(feature = "cli")]
+pub(crate) use imports::without_dots;
+#[cfg(feature = "cli")]
 pub(crate) use junit::{SKIP, junit_text, shard_of_junit};
 pub use junit::{junit, junit_of_shard};
 pub use lines::Lines;

@@ -1,6 +1,7 @@
 //! Finds out, without a plant, whether a script is only imported by other scripts, and which files a script needs.
 
-use super::imports::module_file;
+use super::engine::refuse_sleep;
+use super::imports::{file_of, imported_name};
 use super::run::stack_guard;
 use crate::input_file;
 use crate::whole_script;
@@ -27,6 +28,7 @@ pub fn is_part(text: &str) -> bool {
     engine.set_module_resolver(Nothing);
     engine.on_print(|_| {});
     engine.on_debug(|_, _, _| {});
+    refuse_sleep(&mut engine);
     let Ok(script) = whole_script::compile(&engine, text) else { return false };
     // This engine has no verbs, so a script that calls one ends with an error.
     script.has_functions() && engine.run_ast_with_scope(&mut Scope::new(), &script).is_ok()
@@ -51,19 +53,20 @@ impl ModuleResolver for Nothing {
 /// texts.
 pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let directory = scenario.parent().unwrap_or(Path::new(""));
-    let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
-    let mut looked_at = 0;
-    while let Some(file) = next {
+    let mut found: Vec<(PathBuf, String)> = Vec::new();
+    let (mut next, mut looked_at) = (Some((scenario.to_owned(), None)), 0);
+    while let Some((file, source)) = next {
         let text = input_file::read(&file, input_file::LONGEST_SCRIPT).unwrap_or_default();
-        for file in imports(&text).map(|name| module_file(name, directory)) {
-            if !found.contains(&file) {
-                found.push(file);
+        for name in imports(&text).map(|path| imported_name(source.as_deref(), path, directory)) {
+            let file = file_of(&name, directory);
+            if found.iter().all(|(known, _)| *known != file) {
+                found.push((file, name));
             }
         }
-        next = found.get(looked_at).cloned();
+        next = found.get(looked_at).map(|(file, name)| (file.clone(), Some(name.clone())));
         looked_at += 1;
     }
-    found
+    found.into_iter().map(|(file, _)| file).collect()
 }
 
 /// Returns the quoted texts after the word `import`, even in comments.
@@ -95,20 +98,24 @@ mod tests {
             "fn wrong( {",
             "fn endless() { } loop { }",
             "fn own() { } throw 1",
+            "fn own() { } sleep(100000)",
         ] {
             assert!(!is_part(scenario), "{scenario}");
         }
     }
 
     #[test]
-    fn imports_are_followed_from_the_directory_of_the_scenario() {
+    fn imports_are_followed_beside_the_script_or_the_scenario() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
         std::fs::create_dir(at("common")).unwrap();
         std::fs::write(at("main.rhai"), "import \"common/a\" as a;\n// nothing\nimport `missing` as m;")
             .unwrap();
         std::fs::write(at("common/a.rhai"), "fn a() { import \"common/b\" as b; }").unwrap();
-        std::fs::write(at("common/b.rhai"), "import \"common/a\" as a;").unwrap();
-        assert_eq!(needs(&at("main.rhai")), [at("common/a.rhai"), at("missing.rhai"), at("common/b.rhai")]);
+        std::fs::write(at("common/b.rhai"), "import \"a\" as a; import \"../c\" as c;").unwrap();
+        std::fs::write(at("c.rhai"), "import \"common/./b\" as b;").unwrap();
+        std::fs::write(at("a.rhai"), "").unwrap();
+        let files = ["common/a.rhai", "missing.rhai", "common/b.rhai", "c.rhai"].map(at);
+        assert_eq!(needs(&at("main.rhai")), files);
     }
 }

@@ -147,7 +147,7 @@ fn imports_in_a_circle_are_named_with_their_lines() {
     for expected in [
         "broken  self.rhai  0.000000 s emulated",
         "  self.rhai:2: `self`: this import is circular: self.rhai:2 imports self.rhai\n",
-        "  b.rhai:3: `./a`: this import is circular: a.rhai:2 imports b.rhai, b.rhai:3 imports ./a.rhai\n",
+        "  b.rhai:3: `./a`: this import is circular: a.rhai:2 imports b.rhai, b.rhai:3 imports a.rhai\n",
         "    line      import \"./a\" as a;\n",
         "passed  twice.rhai  0.001000 s emulated",
         "1 passed, 0 failed, 2 broken; ",

@@ -17,7 +17,9 @@ impl Scripts {
     pub(crate) fn new(scripts: &[(&str, &str)]) -> Self {
         let directory = TempDir::new().unwrap();
         for (name, text) in scripts {
-            std::fs::write(directory.path().join(name), text).unwrap();
+            let file = directory.path().join(name);
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, text).unwrap();
         }
         Self(directory)
     }
@@ -361,6 +363,29 @@ fn a_failure_in_an_imported_script_is_found_there() {
     assert_eq!(outcome.code, Some(1));
     let expected = "line      part.rhai:2: expect(\"node2.w_OPTION_STATUS\", 2);";
     assert!(outcome.out.contains(expected), "{}", outcome.out);
+}
+
+/// The library has a script that it imports, and scenarios of several directories use it.
+#[test]
+fn scenarios_of_several_directories_share_a_library() {
+    let of = |path: &str| format!("import \"{path}\" as v;\nexpect_that(v::f() == 3, \"v\");\n");
+    let (up, inside) = (of("../lib/v"), of("lib/v"));
+    let scripts = Scripts::new(&[
+        ("lib/v.rhai", "import \"u\" as z; import \"../lib/./w\" as w;\nfn f() { z::g() + w::g() }\n"),
+        ("lib/u.rhai", "fn g() { 1 }\nfn fails() {\n    expect(\"node2.w_OPTION_STATUS\", 2);\n}\n"),
+        // A path from the directory of the scenario.
+        ("lib/w.rhai", "import \"lib/x\" as x;\nfn g() { 2 }\n"),
+        ("lib/x.rhai", "fn x() { }\n"),
+        ("own/lib/x.rhai", "fn x() { }\n"),
+        ("whole.rhai", &inside),
+        ("own/whole.rhai", &up),
+        ("fails.rhai", "import \"lib/y\" as y;\n"),
+        ("lib/y.rhai", "import \"u\" as u;\nu::fails();\n"),
+    ]);
+    scripts.run(&["whole.rhai", "own/whole.rhai"]).ok();
+    let outcome = scripts.run(&["fails.rhai"]);
+    assert_eq!(outcome.code, Some(1), "{}", outcome.out);
+    assert!(outcome.out.contains("line      lib/u.rhai:3: expect("), "{}", outcome.out);
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! The definition of a name: a line in a device's folder, an imported script, or a function.
 
 use super::outline::Outline;
-use super::place::without_dots;
 use super::scenario::ScriptView;
 use super::scenes::Scene;
 use super::text::Text;
 use crate::devices::folder::in_slot;
 use crate::layout::{DeviceFit, RegisterRef, split_plc};
 use crate::script::check::ArgumentKind;
+use crate::script::without_dots;
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};

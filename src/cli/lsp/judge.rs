@@ -134,7 +134,20 @@ impl Judge<'_> {
             let what = format!("there is no script `{name}` to import");
             is_missing.then(|| Mistake::error(import.path.clone(), what))
         };
-        self.view.outline.imports.iter().filter_map(missing).collect()
+        self.view.outline.imports.iter().filter_map(missing).chain(self.namesake()).collect()
+    }
+
+    /// Returns the error of functions that this script and imported ones would mix up, at the import that leads to them.
+    fn namesake(&self) -> Option<Mistake> {
+        let view = self.view;
+        // The check of the device's folder finds those of a firmware.
+        if view.kind == ScriptKind::Firmware || view.outline.imports.is_empty() {
+            return None;
+        }
+        let found = self.checker.namesakes(view.path, view.text, self.read)?;
+        let mut imports = view.outline.imports.iter();
+        let import = imports.find(|import| view.text.get(import.path.clone()) == Some(&found.path))?;
+        Some(Mistake::error(import.path.clone(), found.what))
     }
 
     /// Returns the error in the name of a call, or in the number of its arguments. `modules` caches imported scripts.

@@ -4,12 +4,12 @@
 use super::document::Document;
 use super::outline::Outline;
 use super::pages::{PagePlace, Pages};
-use super::place::without_dots;
 use super::scenario::ScriptView;
 use super::table::header_of;
 use super::tables::TableKind;
 use crate::devices::folder;
 use crate::script::check::{ArgumentKind, is_plant_text};
+use crate::script::without_dots;
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::{DeArray, DeTable, DeValue};

@@ -2,7 +2,7 @@
 
 use lsp_types::Uri;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Returns the path of a file URI. Any other URI is returned as a relative path.
 pub(super) fn path_of(uri: &Uri) -> PathBuf {
@@ -30,19 +30,6 @@ pub(super) fn uri_of(path: &Path) -> Option<Uri> {
         }
     }
     text.parse().ok()
-}
-
-/// Removes `.` and `..` from a path, because editors send paths without them.
-pub(super) fn without_dots(path: &Path) -> PathBuf {
-    let mut plain = PathBuf::new();
-    for part in path.components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir if plain.file_name().is_some() => drop(plain.pop()),
-            other => plain.push(other),
-        }
-    }
-    plain
 }
 
 /// Decodes each percent-encoded byte, such as `%41`.
@@ -81,12 +68,5 @@ mod tests {
         assert_eq!(path_of(&"file://host/a".parse().unwrap()), Path::new("/a"));
         assert_eq!(path_of(&"untitled:Untitled-1".parse().unwrap()), Path::new("untitled:Untitled-1"));
         assert!(uri_of(Path::new("relative")).is_none());
-    }
-
-    #[test]
-    fn dots_in_paths_are_resolved() {
-        for (path, plain) in [("/a/./b/../c", "/a/c"), ("../a", "../a"), ("/a", "/a")] {
-            assert_eq!(without_dots(Path::new(path)), Path::new(plain));
-        }
     }
 }

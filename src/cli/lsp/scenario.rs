@@ -2,11 +2,11 @@
 
 use super::document::Document;
 use super::outline::{Call, Outline};
-use super::place::without_dots;
 use super::scenes::{PlantName, folder_of};
 use super::tokens::{Token, TokenKind};
 use crate::devices::folder::DEFINITIONS as FIRMWARE;
 use crate::script::check::{ArgumentKind, is_plant_text};
+use crate::script::without_dots;
 use crate::script::{DEFINITIONS, Value, Verb, defined};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
@@ -182,10 +182,18 @@ impl<'a> ScriptView<'a> {
         self.path.parent().unwrap_or(Path::new("")).to_owned()
     }
 
-    /// Returns the path of the imported script.
+    /// Returns the path of the imported script. A script that only defines functions can also import a script by its path
+    /// from the directory of the scenario, which the server searches in the directories above.
     pub(super) fn imported(&self, path: &Range<usize>) -> PathBuf {
-        let path = self.directory().join(self.text.get(path.clone()).unwrap_or_default());
-        without_dots(&path).with_extension("rhai")
+        let path = self.text.get(path.clone()).unwrap_or_default();
+        let directory = self.directory();
+        let at = |directory: &Path| without_dots(&directory.join(path)).with_extension("rhai");
+        let beside = at(&directory);
+        if path.is_empty() || beside.is_file() || self.kind != ScriptKind::Scenario || !self.is_part() {
+            return beside;
+        }
+        let mut above = directory.ancestors().skip(1).map(at);
+        above.find(|file| file.is_file()).unwrap_or(beside)
     }
 
     /// Returns the file of the module in a call `module::name(...)`.

@@ -334,6 +334,51 @@ fn a_register_of_an_option_card_is_defined_in_the_folder_of_the_card() {
 }
 
 #[test]
+fn functions_of_one_name_in_several_scripts_are_marked_at_the_import() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::create_dir(at("lib")).unwrap();
+    std::fs::write(at("lib/a.rhai"), "fn helper() { 1 }\nfn run() { helper() }\n").unwrap();
+    std::fs::write(at("lib/b.rhai"), "fn helper() { 2 }\nfn other() { helper() }\n").unwrap();
+    std::fs::write(at("lib/c.rhai"), "import \"b\" as b;\nfn all() { b::other() }\n").unwrap();
+    let what = "there are functions `helper` with 0 parameters in";
+    let advice = "and the scripts would call each other's functions; rename them";
+    let mut editor = Editor::new();
+    for (text, expected) in [
+        ("import \"lib/a\" as a;\nimport \"lib/b\" as b;\n", format!("1:8 {what} lib/a and lib/b, {advice}")),
+        ("import \"lib/a\" as a;\nimport \"lib/c\" as c;\n", format!("1:8 {what} lib/a and lib/b, {advice}")),
+        (
+            "import \"lib/a\" as a;\nfn helper() { 3 }\nhelper();\n",
+            format!("0:8 {what} lib/a and own.rhai, {advice}"),
+        ),
+    ] {
+        editor.open(&at("own.rhai"), &format!("¦{text}"));
+        assert_eq!(editor.errors(), [expected], "{text}");
+    }
+    editor.open(&at("own.rhai"), "¦import \"lib/c\" as c;\nimport \"lib/b\" as b;\nfn helper() { 3 }\n");
+    assert!(editor.errors().is_empty());
+}
+
+/// `commram test` resolves such an import beside the importing script, or else beside the scenario.
+#[test]
+fn imports_of_a_library_are_found_as_in_a_run() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::create_dir(at("lib")).unwrap();
+    std::fs::write(at("lib/u.rhai"), "fn g() { 3 }\n").unwrap();
+    let mut editor = Editor::new();
+    for (name, path, is_found) in
+        [("lib/v.rhai", "u", true), ("lib/v.rhai", "lib/u", true), ("lib/v.rhai", "lib/w", false)]
+    {
+        editor.open(&at(name), &format!("¦import \"{path}\" as u;\nfn f() {{ u::g() }}\n"));
+        assert_eq!(editor.errors().is_empty(), is_found, "{name} {path}: {:?}", editor.errors());
+    }
+    // A scenario finds no script above its directory.
+    editor.open(&at("lib/own.rhai"), "¦import \"lib/u\" as u;\nu::g();\n");
+    assert_eq!(editor.errors(), ["0:8 there is no script `lib/u` to import"]);
+}
+
+#[test]
 fn own_and_imported_functions_are_found_and_renamed() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name);

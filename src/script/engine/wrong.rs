@@ -5,7 +5,7 @@ use crate::script::ScenarioError;
 use crate::script::caught::Caught;
 use crate::script::complaint::kind;
 use crate::script::verb::{self, Verb};
-use rhai::{Dynamic, FLOAT, INT};
+use rhai::{Dynamic, Engine, FLOAT, INT};
 use std::collections::BTreeSet;
 
 /// Registers functions with the name of a verb for each number of arguments. They accept any types and report the
@@ -29,10 +29,15 @@ impl Verbs {
             let of = verb::called(name);
             refuse!(self, name, of: 0 () 1 (a) 2 (a b) 3 (a b c) 4 (a b c d) 5 (a b c d e) 6 (a b c d e f));
         }
-        // The engine's own `sleep` would wait in real time, during which the plant does not advance.
-        self.engine.register_fn("sleep", |_: INT| no_sleep());
-        self.engine.register_fn("sleep", |_: FLOAT| no_sleep());
+        refuse_sleep(&mut self.engine);
     }
+}
+
+/// Replaces the engine's own `sleep`, which waits in real time: the plant does not advance during this time, and the
+/// script cannot be ended.
+pub(in crate::script) fn refuse_sleep(engine: &mut Engine) {
+    engine.register_fn("sleep", |_: INT| no_sleep());
+    engine.register_fn("sleep", |_: FLOAT| no_sleep());
 }
 
 fn no_sleep() -> Fallible<()> {
