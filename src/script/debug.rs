@@ -2,15 +2,18 @@
 
 use super::Bench;
 use super::ScenarioError;
+use super::caught::Caught;
 use super::engine::{Stage, reader, value_text};
-use super::imports::module_file;
+use super::imports::{module_file, without_first_line};
+use crate::input_file;
 use core::cell::{Cell, RefCell};
+use core::mem::{Discriminant, discriminant};
 use rhai::debugger::DebuggerCommand;
 use rhai::{
     AST, ASTNode, Dynamic, Engine, EvalAltResult, EvalContext, Expr, ImmutableString, OptimizationLevel,
     Position, Scope, Stmt,
 };
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -155,9 +158,16 @@ impl StoppedScript<'_> {
             scope.push_dynamic(name.as_str(), value.flatten_clone());
         }
         let value = engine.eval_expression_with_scope::<Dynamic>(&mut scope, text);
-        value.map(|value| value_text(&value)).map_err(|error| match self.plant(|_| Ok(())) {
-            Ok(()) => error.to_string(),
-            Err(missing) => format!("{error}; {missing}"),
+        value.map(|value| value_text(&value)).map_err(|error| {
+            let of_verb = match &*error {
+                EvalAltResult::ErrorRuntime(thrown, _) => thrown.clone().try_cast::<Caught>(),
+                _ => None,
+            };
+            let what = of_verb.map_or_else(|| error.to_string(), |error| error.message());
+            match self.plant(|_| Ok(())) {
+                Ok(()) => what,
+                Err(missing) => format!("{what}; {missing}"),
+            }
         })
     }
 }
@@ -167,20 +177,42 @@ impl StoppedScript<'_> {
 /// # Errors
 /// The text is not a script; the message has the reason.
 pub(crate) fn lines_of_statements(text: &str) -> Result<BTreeSet<usize>, String> {
+    let mut lines = BTreeSet::new();
+    each_statement(text, |stmt| {
+        if !is_structure(stmt) {
+            lines.extend(stmt.position().line());
+        }
+    })?;
+    Ok(lines)
+}
+
+/// The expressions that are a whole statement, by their positions. The engine reports these expressions, but not their
+/// statements. The first part of an interpolated text has the position of the text, but is another kind of expression.
+type Expressions = BTreeMap<Position, Discriminant<Expr>>;
+
+fn expression_statements(text: &str) -> Result<Expressions, String> {
+    let mut found = Expressions::new();
+    each_statement(text, |stmt| {
+        if let Stmt::Expr(expr) = stmt {
+            found.insert(expr.position(), discriminant(&**expr));
+        }
+    })?;
+    Ok(found)
+}
+
+/// Calls `act` with each statement of a script and its functions.
+fn each_statement(text: &str, mut act: impl FnMut(&Stmt)) -> Result<(), String> {
     let mut engine = Engine::new();
     engine.set_optimization_level(OptimizationLevel::None);
     engine.set_max_expr_depths(64, 64);
-    let ast = engine.compile(text).map_err(|error| error.to_string())?;
-    let mut lines = BTreeSet::new();
+    let ast = engine.compile(without_first_line(text)).map_err(|error| error.to_string())?;
     ast.walk(&mut |path| {
-        if let Some(ASTNode::Stmt(stmt)) = path.last()
-            && !is_structure(stmt)
-        {
-            lines.extend(stmt.position().line());
+        if let Some(ASTNode::Stmt(stmt)) = path.last() {
+            act(stmt);
         }
         true
     });
-    Ok(lines)
+    Ok(())
 }
 
 /// True if a script or one of its functions calls a function with this name.
@@ -242,6 +274,8 @@ struct Stepper {
     is_first: Cell<bool>,
     /// The last line of each function in the call stack, the outermost first.
     lines: RefCell<Vec<Line>>,
+    /// The expressions of each script that are whole statements.
+    expressions: RefCell<BTreeMap<String, Expressions>>,
     /// The functions at the last statement, for a failure.
     last: Rc<RefCell<Vec<DebugFrame>>>,
 }
@@ -265,6 +299,7 @@ pub(super) fn attach(
         step: Cell::new((Resume::Continue, 0)),
         is_first: Cell::new(true),
         lines: RefCell::default(),
+        expressions: RefCell::default(),
         last: Rc::clone(&last),
     };
     #[expect(deprecated, reason = "Rhai marks an interface that may change; `~1.27` in Cargo.toml keeps it")]
@@ -302,6 +337,7 @@ impl Stepper {
             ASTNode::Stmt(_) => None,
             ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _)) => Some(call.name.clone()),
             ASTNode::Expr(Expr::Dot(..)) => Some(ImmutableString::new()),
+            ASTNode::Expr(expr) if self.is_statement(source, position, expr) => Some(ImmutableString::new()),
             _ => return Ok(DebuggerCommand::StepInto),
         };
         let call = call.map(|name| (position.position().unwrap_or(0), name));
@@ -355,6 +391,18 @@ impl Stepper {
             Resume::Continue | Resume::End => false,
         };
         is_end.then_some(StopReason::Step)
+    }
+
+    /// True if an expression at this position of a script is a whole statement.
+    fn is_statement(&self, source: Option<&str>, position: Position, expr: &Expr) -> bool {
+        let source = source.unwrap_or_default();
+        let mut known = self.expressions.borrow_mut();
+        if !known.contains_key(source) {
+            let text = input_file::read(&self.file(Some(source)), input_file::LONGEST_SCRIPT);
+            let found = text.ok().and_then(|text| expression_statements(&text).ok()).unwrap_or_default();
+            known.insert(source.to_owned(), found);
+        }
+        known.get(source).and_then(|found| found.get(&position)) == Some(&discriminant(expr))
     }
 
     fn file(&self, source: Option<&str>) -> PathBuf {

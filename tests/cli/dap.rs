@@ -247,6 +247,8 @@ fn variables_and_registers_are_shown_and_registers_are_changed() {
             .refused("evaluate", json!({ "expression": "poke(\"node2.w_CPU_CONTROL\", 2)" }))
             .contains("poke")
     );
+    let refusal = editor.refused("evaluate", json!({ "expression": "sleep(1000)" }));
+    assert!(refusal.contains("emulated time only"), "{refusal}");
     let refusal =
         editor.refused("setVariable", json!({ "variablesReference": 1, "name": "speed", "value": "1" }));
     assert!(refusal.contains("only a register can be changed"), "{refusal}");
@@ -404,6 +406,46 @@ fn a_loop_with_a_call_as_its_only_statement_stops_in_each_round() {
         assert_eq!(editor.stop().0, "pause", "{text}");
         editor.disconnect();
     }
+}
+
+/// Functions often end with such a line.
+#[test]
+fn a_line_that_is_only_a_value_is_a_stop() {
+    for value in [
+        "x",
+        "5",
+        "-1",
+        "\"text\"",
+        "`text ${x}`",
+        "[\n        x,\n        1]",
+        "#{a: x}",
+        "()",
+        "x;",
+    ] {
+        let text =
+            format!("fn own(x) {{\n    step(\"1us\");\n    {value}\n}}\nown(true);\nown(false);\nnow();\n");
+        let (_directory, mut editor) = watched(&text, &[3]);
+        for caller in [5, 6] {
+            if value.lines().count() > 1 {
+                // The position of the call follows the lines of the value.
+                let (reason, frames) = editor.stop();
+                assert_eq!((reason.as_str(), frames[0].1), ("breakpoint", 3), "{text}");
+            } else {
+                assert_eq!(editor.stop(), at("breakpoint", &[("own", 3), ("(scenario)", caller)]), "{text}");
+            }
+            editor.ok("continue", json!({ "threadId": 1 }));
+        }
+        editor.event("terminated");
+        editor.disconnect();
+    }
+    let (_directory, mut editor) =
+        watched("fn own(x) {\n    x\n}\nlet y = own(\n    1\n);\ny;\nnow();\n", &[4]);
+    assert_eq!(editor.stop(), at("breakpoint", &[("(scenario)", 4)]));
+    assert_eq!(editor.resume("stepIn"), at("step", &[("own", 2), ("(scenario)", 4)]));
+    for line in [7, 8] {
+        assert_eq!(editor.resume("next"), at("step", &[("(scenario)", line)]));
+    }
+    editor.disconnect();
 }
 
 #[test]
