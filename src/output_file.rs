@@ -6,11 +6,15 @@
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, TryLockError};
 use std::io::{ErrorKind, Result, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of temporary names to try. Files of killed processes may have the same names.
 const TRIES: u32 = 16;
+/// Maximum number of bytes of an output file's name in the temporary name. A name has at most 255 bytes, and
+/// `.PROCESS-TRIED.part` needs up to 27 of them.
+const LONGEST_STEM: usize = 228;
 /// Maximum number of symbolic links in a chain.
 const MOST_LINKS: u32 = 40;
 
@@ -162,10 +166,15 @@ fn is_other_living(process: u32) -> bool {
     process != std::process::id() && Path::new(&format!("/proc/{process}")).exists()
 }
 
+/// Returns the beginning of the names of temporary files beside `path`: its name, cut so that the names are valid.
+fn stem(path: &Path) -> &OsStr {
+    let name = path.file_name().unwrap_or_default().as_bytes();
+    OsStr::from_bytes(name.get(..LONGEST_STEM).unwrap_or(name))
+}
+
 /// Returns the number of the process that gives this name to a new file beside `path` ([`create_beside`]).
 fn part_of(path: &Path, name: &OsStr) -> Option<u32> {
-    let own = path.file_name().unwrap_or_default().as_encoded_bytes();
-    let rest = name.as_encoded_bytes().strip_prefix(own)?.strip_prefix(b".")?;
+    let rest = name.as_encoded_bytes().strip_prefix(stem(path).as_encoded_bytes())?.strip_prefix(b".")?;
     let (process, tried) = core::str::from_utf8(rest.strip_suffix(b".part")?).ok()?.split_once('-')?;
     tried.parse::<u32>().ok()?;
     process.parse().ok()
@@ -188,7 +197,7 @@ fn remove_if_left(path: &Path) -> Result<()> {
 fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
     let mut tried = 0;
     loop {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
+        let mut name = stem(path).to_owned();
         name.push(format!(".{}-{tried}.part", std::process::id()));
         let begun = path.with_file_name(name);
         match File::create_new(&begun) {
@@ -347,6 +356,18 @@ mod tests {
         let mut seen = String::new();
         std::io::Read::read_to_string(&mut reader, &mut seen).unwrap();
         assert_eq!(seen, "said");
+    }
+
+    #[test]
+    fn a_file_may_have_the_longest_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let name = "a".repeat(255);
+        let left = format!("{}.4194305-3.part", "a".repeat(LONGEST_STEM));
+        fs::write(directory.path().join(left), "left").unwrap();
+        for text in ["new", "newer"] {
+            write(&directory.path().join(&name), text.as_bytes()).unwrap();
+        }
+        assert_eq!(names(directory.path()), [name]);
     }
 
     #[test]

@@ -244,8 +244,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
 fn read(paths: &[PathBuf]) -> Result<Declarations, ImportError> {
     let mut declarations = Declarations::default();
     for path in paths {
-        // Reads one byte more than allowed, to detect a file beyond the limit.
-        declarations.add(path, input_file::read_bytes(path, MAX_BYTES + 1))?;
+        declarations.add(path, input_file::read_bytes(path, MAX_BYTES))?;
     }
     declarations.notes().iter().for_each(|note| output::note(note));
     Ok(declarations)

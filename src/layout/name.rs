@@ -210,10 +210,12 @@ impl DeviceFit {
             return one.map(|one| vec![one]);
         }
         let matches = |given: &[u32], index: &[u16]| {
-            given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
+            given.len() <= index.len()
+                && given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
         };
         let all = block.by_address(|found| {
-            let (group, own) = found.index.split_at(found.register.group_dims);
+            let Register { group_dims, dims, .. } = found.register;
+            let (group, own) = found.index[..dims.len()].split_at(*group_dims);
             let group_index = parsed.group.as_ref().map_or(&[][..], |group| &group.index);
             parsed.is(found.register) && matches(group_index, group) && matches(&parsed.register.index, own)
         });

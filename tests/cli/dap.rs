@@ -411,9 +411,18 @@ fn a_loop_with_a_call_as_its_only_statement_stops_in_each_round() {
 /// Functions often end with such a line.
 #[test]
 fn a_line_that_is_only_a_value_is_a_stop() {
-    for value in
-        ["x", "5", "-1", "\"text\"", "`text ${x}`", "[\n        x,\n        1]", "#{a: x}", "()", "x;"]
-    {
+    for value in [
+        "x",
+        "x && x",
+        "5",
+        "-1",
+        "\"text\"",
+        "`text ${x}`",
+        "[\n        x,\n        1]",
+        "#{a: x}",
+        "()",
+        "x;",
+    ] {
         let text =
             format!("fn own(x) {{\n    step(\"1us\");\n    {value}\n}}\nown(true);\nown(false);\nnow();\n");
         let (_directory, mut editor) = watched(&text, &[3]);

@@ -262,6 +262,21 @@ fn a_report_is_written_although_the_user_interrupts_the_run() {
     );
 }
 
+/// A scenario that always prints never leaves a pause between two of its messages.
+#[test]
+fn a_signal_ends_a_scenario_that_prints_without_a_pause() {
+    let scripts = Scripts::new(&[("a.rhai", "loop { section(`at ${now()}`); step(1); }")]);
+    let mut command = scripts.command(&["a.rhai", "--format", "events", "--junit", "report.xml"]);
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.contains("\"section\"")));
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let last = lines.last().unwrap();
+    assert!(last.contains("\"summary\"") && last.contains("\"died\":1"), "{last}");
+    assert_eq!(wait_for(&mut child, "an interrupted test").code(), Some(130));
+    assert!(scripts.read("report.xml").contains("interrupted"));
+}
+
 /// The reader closes the pipe early, like `| head -1`.
 #[test]
 fn a_report_is_written_although_the_output_is_not_read() {

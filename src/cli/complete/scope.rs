@@ -7,7 +7,7 @@ use crate::devices;
 use crate::fault::{FaultKind, Field, Form};
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
-use crate::layout::{AreaOrRegisters, DeviceFit, DeviceLayout, Fit, RegisterRef, split_plc, value};
+use crate::layout::{AreaOrRegisters, DeviceFit, Fit, RegisterRef, split_plc, value};
 use std::collections::BTreeMap;
 
 /// The PLCs that register names can refer to.

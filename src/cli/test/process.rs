@@ -24,6 +24,8 @@ use std::time::{Duration, Instant, SystemTime};
 const GRACE: Duration = Duration::from_secs(10);
 /// Pause between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(20);
+/// Maximum number of messages of a process that wait for a slow reader of the events. Then the process waits, too.
+const MOST_MESSAGES: usize = 64;
 /// Longest line that a process may send: at most 1 MiB of output, which can be six times longer in JSON, or a report.
 pub(super) const LONGEST_LINE: u64 = 16 << 20;
 /// Number of bytes of the error output that are kept.
@@ -167,7 +169,7 @@ impl Worker {
             }
             _ => Vec::new(),
         };
-        let (send, messages) = mpsc::channel();
+        let (send, messages) = mpsc::sync_channel(MOST_MESSAGES);
         let child = command.spawn().map_err(failed)?;
         let mut this = Self { child, files: None, messages, complaints: None };
         match (file, this.child.stdin.take()) {
@@ -255,24 +257,28 @@ impl Run<'_> {
         let longest = Duration::from_micros(max_real_time).saturating_add(GRACE);
         let (mut printed, mut ended, mut killed) = (String::new(), None, None);
         let is_ready = loop {
-            match worker.messages.recv_timeout(POLL) {
+            let message = worker.messages.recv_timeout(POLL);
+            // A scenario may send messages without a pause, so the reasons for its end do not wait for a pause.
+            if killed.is_none() && stop() {
+                killed = Some("interrupted".to_owned());
+            } else if killed.is_none() && self.started.elapsed() > longest {
+                killed = Some(format!(
+                    "killed: after {} of real time (--max-real-time) it was still at the same step",
+                    short(max_real_time)
+                ));
+            }
+            match message {
+                Ok(Message::Ended(report)) => ended = Some(report),
+                Ok(Message::Ready) => break true,
+                Err(RecvTimeoutError::Disconnected) => break false,
+                // Nobody waits for the last messages of a process that is killed.
+                _ if killed.is_some() => {}
                 Ok(Message::Printed(text)) => {
                     heard(&Moment::Prints(&text));
                     printed.push_str(&text);
                 }
                 Ok(Message::Section { name, time_us }) => heard(&Moment::Section { name: &name, time_us }),
-                Ok(Message::Ended(report)) => ended = Some(report),
-                Ok(Message::Ready) => break true,
-                Err(RecvTimeoutError::Disconnected) => break false,
-                Err(RecvTimeoutError::Timeout) if killed.is_some() => {}
-                Err(RecvTimeoutError::Timeout) if stop() => killed = Some("interrupted".to_owned()),
-                Err(RecvTimeoutError::Timeout) if self.started.elapsed() > longest => {
-                    killed = Some(format!(
-                        "killed: after {} of real time (--max-real-time) it was still at the same step",
-                        short(max_real_time)
-                    ));
-                }
-                Err(RecvTimeoutError::Timeout) => continue,
+                Err(RecvTimeoutError::Timeout) => {}
             }
             if killed.is_some() {
                 // The process may have ended by itself.

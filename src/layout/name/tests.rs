@@ -120,6 +120,9 @@ fn wrong_indices_are_answered_with_the_ranges() {
     );
     assert_eq!(error("node2.w_CPU_CONTROL[0]"), "`w_CPU_CONTROL[0]` is not an array; leave out the index");
     assert!(error("node2.a_STAT_SL[99999999]").contains("index 99999999 is out of range"));
+    for name in ["node2.w_CPU_CONTROL[0]", "node2.a_STAT_SL[0][0]", "node2.a_DATA_PARAMETER[0].w_PAR_NR[0]"] {
+        assert_eq!(DEVICE.registers(name).unwrap_err(), DEVICE.register(name).unwrap_err(), "{name}");
+    }
 }
 
 #[test]

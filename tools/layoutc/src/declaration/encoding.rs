@@ -1,15 +1,10 @@
 //! The character encodings of exported files.
 
-use super::MAX_BYTES;
-use super::error::Wrong;
 use std::iter;
 
 /// Returns the text of a file: UTF-8, UTF-16 with or without a byte order mark, otherwise the Latin encoding of older
 /// Windows programs. In that encoding, non-ASCII characters can only occur in comments and texts.
-pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(Wrong::TooLong(MAX_BYTES));
-    }
+pub(crate) fn decode(bytes: Vec<u8>) -> String {
     let text = match bytes[..] {
         [0xFF, 0xFE, ..] => utf_16(&bytes, u16::from_le_bytes),
         [0xFE, 0xFF, ..] => utf_16(&bytes, u16::from_be_bytes),
@@ -19,7 +14,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
         _ => String::from_utf8(bytes)
             .unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect()),
     };
-    Ok(text.strip_prefix('\u{FEFF}').map(str::to_owned).unwrap_or(text))
+    text.strip_prefix('\u{FEFF}').map(str::to_owned).unwrap_or(text)
 }
 
 fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {

@@ -60,6 +60,8 @@ pub enum Wrong {
     Unreadable(String),
     #[error("the file has more than {} MiB", .0 >> 20)]
     TooLong(u64),
+    #[error("the files have more than {} MiB together", .0 >> 20)]
+    TooLongTogether(u64),
     #[error("this is no well-formed XML: {0}")]
     Xml(String),
     #[error("the elements of this XML are nested more than {0} deep")]

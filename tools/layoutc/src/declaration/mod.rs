@@ -25,7 +25,7 @@ use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Maximum size of a file, in bytes; the types of a whole library have some hundred kilobytes.
+/// Maximum size of all files together, in bytes; the types of a whole library have some hundred kilobytes.
 pub const MAX_BYTES: u64 = 4 << 20;
 /// Maximum depth of nested type definitions. Types that refer to others by name do not count.
 const MAX_DEPTH: usize = 16;
@@ -38,6 +38,8 @@ pub struct Declarations {
     /// True if `commram export` has written one of the files: such declarations only repeat the layout.
     pub is_own_export: bool,
     files: Vec<PathBuf>,
+    /// Size of all files, in bytes.
+    bytes: u64,
     types: Vec<Declared>,
     /// Types with names, in the order of the files.
     named: Vec<Named>,
@@ -137,7 +139,8 @@ impl Declarations {
     /// script of older Windows programs.
     ///
     /// # Errors
-    /// The file could not be read, is too long, or cannot be parsed; the error has the line and the column.
+    /// The file could not be read, all files together are too long, or the file cannot be parsed; the error has the line and
+    /// the column.
     pub fn read(path: &Path, found: io::Result<Vec<u8>>) -> Result<Self, DeclarationError> {
         let mut declarations = Self::default();
         declarations.add(path, found)?;
@@ -150,8 +153,20 @@ impl Declarations {
     /// Returns the errors of [`Declarations::read`].
     pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
         let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
-        let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;
-        self.add_text(path, &decode(bytes).map_err(wrong)?)
+        let bytes = found.map_err(|error| {
+            wrong(match error.kind() {
+                io::ErrorKind::FileTooLarge => Wrong::TooLong(MAX_BYTES),
+                _ => Wrong::Unreadable(error.to_string()),
+            })
+        })?;
+        self.bytes = self.bytes.saturating_add(bytes.len() as u64);
+        if self.bytes > MAX_BYTES {
+            return Err(wrong(match self.files.is_empty() {
+                true => Wrong::TooLong(MAX_BYTES),
+                false => Wrong::TooLongTogether(MAX_BYTES),
+            }));
+        }
+        self.add_text(path, &decode(bytes))
     }
 
     /// Reads declarations out of `text`, which came from `path`.

@@ -164,6 +164,8 @@ fn files_are_bounded_and_may_be_older_than_utf_8() {
     }
     assert_eq!(read(b"\xFF\xFET\0Y").unwrap_err().to_string(), "`\u{FFFD}` is not allowed in a declaration");
     assert_eq!(read(&vec![b' '; MAX_BYTES as usize + 1]).unwrap_err(), Wrong::TooLong(MAX_BYTES));
+    let mut both = Declarations::read(path, Ok(vec![b' '; MAX_BYTES as usize - 9])).unwrap();
+    assert_eq!(both.add(path, Ok(vec![b' '; 10])).unwrap_err().reason, Wrong::TooLongTogether(MAX_BYTES));
     let missing = Declarations::read(path, Err(io::ErrorKind::NotFound.into())).unwrap_err().to_string();
     assert!(missing.contains("types.st:1:1: cannot read this file"), "{missing}");
 }
