@@ -296,7 +296,7 @@ fn of_bus(args: &Args) -> Result<String, CliError> {
 }
 
 fn head(bus: &str, path: &Path) -> String {
-    let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    let file = path.file_name().map(|name| output::harmless(&name.to_string_lossy())).unwrap_or_default();
     format!(
         "Messages of bus {bus} of {file}, with the identifiers that its devices begin with; made by commram export dbc"
     )

@@ -148,7 +148,8 @@ fn text(rows: &[PlantVerdict]) -> String {
             plural(judged.faults as u64, "fault")
         ) + &judged.warnings.iter().map(|it| it.text(&judged.file) + "\n").collect::<String>()
     };
-    rows.iter().map(line).collect()
+    // Names of files and of the plant may have characters that a terminal interprets.
+    output::harmless(&rows.iter().map(line).collect::<String>())
 }
 
 impl PlantVerdict {

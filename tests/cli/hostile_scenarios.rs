@@ -77,6 +77,8 @@ fn control_characters_reach_the_terminal_in_no_format() {
         assert_is_harmless(&outcome.err);
         outcome
     };
+    let hostile = format!("{HOSTILE}.toml");
+    std::fs::write(files.0.path().join(&hostile), "[[plc]]\nname = 'line'\n").unwrap();
     for format in ["text", "json", "csv", "md"] {
         let outcome = run(&["test", "clear.rhai", "--format", format]);
         assert_eq!(outcome.code, Some(1), "{format}: {}", outcome.err);
@@ -89,6 +91,10 @@ fn control_characters_reach_the_terminal_in_no_format() {
         assert_eq!(run(&["diff", "empty.json", "dump.json", "--format", format]).code, Some(1), "{format}");
         assert_eq!(run(&["run", "--check", "plant.toml", "--format", format]).code, Some(2), "{format}");
         assert_eq!(run(&["layout", "check", HOSTILE, "--format", format]).code, Some(2), "{format}");
+        for command in [["plant", "check"], ["run", "--check"]] {
+            let [first, second] = command;
+            assert_eq!(run(&[first, second, &hostile, "--format", format]).code, Some(0), "{format}");
+        }
     }
     // JSON keeps the text itself.
     let outcome = run(&["test", "clear.rhai", "--format", "json", "--shard", "1/1", "--junit", "report.xml"]);

@@ -1,10 +1,12 @@
 //! Quoting of words for bash. Bash inserts a completion into the line unchanged, and names of files can contain any
 //! character.
 
+use crate::plain_text::is_interpreted;
+
 /// Returns the text, quoted for bash. Within quotes it stays unchanged, because bash quotes it and adds the `/` of a
-/// directory. `None` for a text with control characters, which a command line cannot contain.
+/// directory. `None` for a text with characters that a terminal interprets.
 pub(super) fn quoted(text: &str, quote: Option<Quote>) -> Option<String> {
-    if text.chars().any(char::is_control) {
+    if text.contains(is_interpreted) {
         return None;
     }
     if quote.is_some() {
@@ -30,13 +32,13 @@ pub(super) fn quoted(text: &str, quote: Option<Quote>) -> Option<String> {
 /// The open quote at the end of an incomplete word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Quote {
-    /// `'`: all characters are those of the text.
+    /// `'`: every character belongs to the text.
     Single,
     /// `"`: a backslash quotes some characters.
     Double,
 }
 
-/// Returns the text of an incomplete word, and the quote that is open at its end.
+/// Returns the text of an incomplete word, and its open quote.
 pub(super) fn unquoted(word: &str) -> (Option<Quote>, String) {
     let (mut quote, mut out) = (None, String::with_capacity(word.len()));
     let mut signs = word.chars().peekable();

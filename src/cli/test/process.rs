@@ -271,7 +271,7 @@ impl Run<'_> {
                 Ok(Message::Ended(report)) => ended = Some(report),
                 Ok(Message::Ready) => break true,
                 Err(RecvTimeoutError::Disconnected) => break false,
-                // Nobody waits for the last messages of a process that is killed.
+                // The last messages of a killed process are dropped.
                 _ if killed.is_some() => {}
                 Ok(Message::Printed(text)) => {
                     heard(&Moment::Prints(&text));
