@@ -103,6 +103,7 @@ impl PlantConfig {
     }
 
     /// Returns the folders of the devices that have one, separated by commas.
+    #[cfg(feature = "cli")]
     pub(crate) fn folders(&self) -> String {
         let folders = self.devices.iter().filter_map(|device| Some(device.folder()?.display().to_string()));
         folders.collect::<Vec<_>>().join(", ")

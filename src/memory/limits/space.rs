@@ -1,6 +1,6 @@
 //! Checks whether a process may have the memory that it needs.
 
-use super::{ADDRESS_SPACE, DATA, MEMORIES, Memory};
+use super::{MEMORIES, Memory};
 use rustix::process::{Rlimit, getrlimit, setrlimit};
 
 /// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
@@ -49,13 +49,13 @@ pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
 /// A number of bytes that is also enough for the next start, and the allowed number.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
-    let Some(most) = ADDRESS_SPACE.limit() else { return Ok(()) };
-    let needed = ADDRESS_SPACE.used().saturating_add(more);
+    let Some(most) = super::ADDRESS_SPACE.limit() else { return Ok(()) };
+    let needed = super::ADDRESS_SPACE.used().saturating_add(more);
     if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 
 /// Returns the memory in bytes that counts for the limit `ulimit -d` of this process.
 #[cfg(feature = "cli")]
 pub(crate) fn data_in_use() -> u64 {
-    DATA.used()
+    super::DATA.used()
 }
