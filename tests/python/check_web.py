@@ -610,6 +610,7 @@ def real_time(program, browser):
         assert check.time_us() == check.time_us()
         page.click("#clock button", "10\u00d7")
         check.waits_for(speed, 10, "10")
+        page.until("document.querySelector('#clock .run').ariaPressed !== 'true'")
         page.value("document.activeElement.blur()")
         page.key(" ")
         check.waits_for(speed, 0, "key")
