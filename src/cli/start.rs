@@ -7,7 +7,7 @@ use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::memory::describe_process;
-use crate::plant::{FollowError, PlantConfig, SnapshotError};
+use crate::plant::{FollowError, PlantConfig};
 use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
 use core::num::NonZero;
@@ -218,12 +218,9 @@ impl<'a> InitialState<'a> {
 /// Adds the cause to the error of a snapshot with other settings. A snapshot contains its plant. If the plant has a device
 /// in a folder, the cause is a changed file of that folder.
 fn explain_snapshot(begin: InitialState<'_>, config: &PlantConfig, error: RuntimeError) -> RuntimeError {
-    let folders = config.folders();
     match (begin, error) {
-        (InitialState::Snapshot(_), RuntimeError::Snapshot(SnapshotError::OtherSettings { what }))
-            if !folders.is_empty() =>
-        {
-            SnapshotError::ChangedFolder { what, folders }.into()
+        (InitialState::Snapshot(_), RuntimeError::Snapshot(error)) => {
+            error.caused_by(config.folders()).into()
         }
         (_, error) => error,
     }

@@ -167,9 +167,8 @@ impl Guest {
     #[must_use]
     pub fn resume(&self) -> bool {
         let mut inner = self.inner();
-        let may = inner.is_held && inner.octets_to_plant < OCTETS_TO_PLANT;
-        inner.is_held &= !may;
-        may
+        let has_room = inner.octets_to_plant < OCTETS_TO_PLANT;
+        has_room && core::mem::take(&mut inner.is_held)
     }
 
     /// Removes the next message from the guest. `was_taken` is true if the bus has taken it, and false if the bus has

@@ -95,6 +95,17 @@ pub enum SnapshotError {
     Damaged(#[from] Damaged),
 }
 
+impl SnapshotError {
+    /// If a snapshot from the same plant file has other settings, returns the error that names the cause: a changed file
+    /// in one of these folders, which are those of the plant's devices. Returns any other error unchanged.
+    pub(crate) fn caused_by(self, folders: String) -> Self {
+        match self {
+            Self::OtherSettings { what } if !folders.is_empty() => Self::ChangedFolder { what, folders },
+            other => other,
+        }
+    }
+}
+
 impl Snapshot {
     /// Emulated time of the snapshot, in microseconds since power-on.
     #[must_use]
@@ -202,21 +213,14 @@ impl Plant {
         }
     }
 
-    /// If a snapshot from the same plant file has other settings, replaces the error by one that names the
-    /// cause. Only a changed file in the folder of a device can be the cause.
+    /// Adds the folders of the devices to an error ([`SnapshotError::caused_by`]).
     pub(crate) fn name_changed_folder(&mut self, error: SnapshotError) -> SnapshotError {
         // The plant file is not read again for the folders, because a file in a folder may be wrong now.
         let devices = self.devices.iter_mut();
         let folders: Vec<_> = devices
             .filter_map(|device| Some(device.file_changes()?.folder().display().to_string()))
             .collect();
-        let folders = folders.join(", ");
-        match error {
-            SnapshotError::OtherSettings { what } if !folders.is_empty() => {
-                SnapshotError::ChangedFolder { what, folders }
-            }
-            error => error,
-        }
+        error.caused_by(folders.join(", "))
     }
 
     /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the time of the
