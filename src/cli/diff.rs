@@ -1,7 +1,7 @@
 //! `commram diff`: registers that differ from an earlier dump.
 
 use super::Instance;
-use super::change::{self, RegisterValue, RegisterValues};
+use super::change::{self, Change, RegisterValue, RegisterValues};
 use super::device::{answer_of_instance, on_any_device};
 use super::dump::{self, Blocks, see};
 use super::error::CliError;
@@ -59,28 +59,16 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             changes
         }
         None => {
-            let Now { registers, phase_register, plcs } = now(&args.instance, &before, &known)?;
+            let Now { session, registers, phase_register } = now(&args.instance, &before, &known)?;
             let changes = known.changed(&registers);
-            let gone = RegisterValues::new(registers).missing(&before);
-            let (gone, of_other_plcs): (Vec<_>, Vec<_>) =
-                gone.into_iter().partition(|change| plcs.contains(&change.plc));
-            let path = args.before.display();
-            let others: BTreeSet<_> = of_other_plcs.iter().map(|change| change.plc.as_str()).collect();
-            for plc in others {
-                let of_plc: Vec<_> = of_other_plcs.iter().filter(|change| change.plc == plc).collect();
-                output::note(&format!(
-                    "{} of {path} not compared: instance '{}' has no PLC '{plc}'; its PLCs are: {}",
-                    plural_of(&of_plc, "register"),
-                    args.instance.name(),
-                    plcs.join(", ")
-                ));
+            let mut absent = BTreeMap::<_, Vec<_>>::new();
+            for gone in RegisterValues::new(registers).missing(&before) {
+                absent.entry(Absence::of(&session, &gone)?).or_default().push(gone);
             }
-            if !gone.is_empty() {
-                output::note(&format!(
-                    "{} of {path} not compared: another structure is valid at their addresses now{}",
-                    plural_of(&gone, "register"),
-                    see(phase_register)
-                ));
+            for (reason, registers) in absent {
+                let count = plural_of(&registers, "register");
+                let reason = reason.text(&session, phase_register);
+                output::note(&format!("{count} of {} not compared: {reason}", args.before.display()));
             }
             changes
         }
@@ -101,11 +89,57 @@ fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
 
 /// What the instance has in the blocks of a dump.
 struct Now {
+    session: Session,
     registers: Vec<RegisterValue>,
     /// The register that shows which structure is valid.
     phase_register: Option<&'static str>,
-    /// Names of all PLCs of the instance.
-    plcs: Vec<String>,
+}
+
+/// The reason why the instance has no value of a register of the dump.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Absence {
+    /// The instance has no PLC of this name.
+    OfPlc(String),
+    /// The PLC of this name has fewer retain flags.
+    OfRetainFlag(String),
+    /// Another structure is valid at the address.
+    OfStructure,
+}
+
+impl Absence {
+    fn of(session: &Session, gone: &Change) -> Result<Self, CliError> {
+        let Some(plc) = position(session, &gone.plc) else { return Ok(Self::OfPlc(gone.plc.clone())) };
+        let is_retain = is_beyond_the_flags(session, plc, &gone.address)?;
+        Ok(if is_retain { Self::OfRetainFlag(gone.plc.clone()) } else { Self::OfStructure })
+    }
+
+    fn text(&self, session: &Session, phase_register: Option<&str>) -> String {
+        match self {
+            Self::OfPlc(plc) => {
+                let (instance, plcs) = (session.instance(), session.plcs().join(", "));
+                format!("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")
+            }
+            Self::OfRetainFlag(plc) => {
+                format!("PLC '{plc}' has fewer retain flags; `retain_bytes` in the plant file gives it more")
+            }
+            Self::OfStructure => {
+                format!("another structure is valid at their addresses now{}", see(phase_register))
+            }
+        }
+    }
+}
+
+fn position(session: &Session, plc: &str) -> Option<DeviceIndex> {
+    session.plcs().iter().position(|name| name == plc).map(DeviceIndex::at)
+}
+
+/// True if the address is that of a retain flag which the PLC does not have.
+fn is_beyond_the_flags(session: &Session, plc: DeviceIndex, address: &str) -> Result<bool, CliError> {
+    let device = session.device(plc);
+    let address = device.address(address)?;
+    let area = device.area_at(address)?;
+    let end = address.offset() + address.width().bytes() - area.first;
+    Ok(device.is_retain(area.first) && end > session.retain_bytes(plc)?)
 }
 
 /// Reads the registers of the blocks in `before`: those that `before` contains, and those that differ from their reset
@@ -119,8 +153,8 @@ fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) ->
     }
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {
-        let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
-        Ok::<_, CliError>((held.plc.clone(), area(session.device(DeviceIndex::at(plc)), held)?.first))
+        let plc = position(&session, &held.plc).unwrap_or(DeviceIndex(0));
+        Ok::<_, CliError>((held.plc.clone(), area(session.device(plc), held)?.first))
     };
     let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
     let plain = plain_ram(&session, before)?;
@@ -138,7 +172,7 @@ fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) ->
             registers.push(held);
         }
     }
-    Ok(Now { registers, phase_register, plcs: session.plcs().to_vec() })
+    Ok(Now { session, registers, phase_register })
 }
 
 /// Returns the names of the plain RAM in `before`: a dump of all blocks contains no plain RAM. If `before` can be the
@@ -146,8 +180,8 @@ fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) ->
 fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>, CliError> {
     let mut areas = BTreeMap::<_, (&Area, Vec<&RegisterValue>, bool)>::new();
     for held in before {
-        let Some(plc) = session.plcs().iter().position(|plc| *plc == held.plc) else { continue };
-        let device = session.device(DeviceIndex::at(plc));
+        let Some(plc) = position(session, &held.plc) else { continue };
+        let device = session.device(plc);
         let address = device.address(&held.address)?;
         let area = device.area_at(address)?;
         if area.structures.is_empty() {
@@ -157,11 +191,19 @@ fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>,
             *are_rows &= is_row;
         }
     }
-    let names = areas.into_values().flat_map(|(area, of_area, are_rows)| match (are_rows, &*of_area) {
-        (true, [one, ..]) => vec![format!("{}:{}", one.plc, area.name)],
-        _ => of_area.iter().map(|held| format!("{}:{}", held.plc, held.address)).collect(),
-    });
-    Ok(names.collect())
+    let mut names = Vec::new();
+    for ((plc, _), (area, of_area, are_rows)) in areas {
+        if let (true, [one, ..]) = (are_rows, &*of_area) {
+            names.push(format!("{}:{}", one.plc, area.name));
+            continue;
+        }
+        for held in of_area {
+            if !is_beyond_the_flags(session, plc, &held.address)? {
+                names.push(format!("{}:{}", held.plc, held.address));
+            }
+        }
+    }
+    Ok(names)
 }
 
 fn area(device: &'static DeviceLayout, held: &RegisterValue) -> Result<&'static Area, LayoutError> {

@@ -13,8 +13,8 @@ use super::time;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::{
-    Address, Area, AreaOrRegisters, DeviceFit, Fit, LayoutError, RegisterPhase, RegisterRef, Width,
-    format_value, split_plc,
+    Address, Area, AreaOrRegisters, DeviceFit, DeviceLayout, Fit, LayoutError, NamedLocation, RegisterPhase,
+    RegisterRef, Width, format_value, split_plc,
 };
 use core::ops::Range;
 
@@ -142,7 +142,8 @@ impl Blocks {
                 if selection.registers.is_none() && fitted.area(area) == Fit::Empty {
                     fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
                 }
-                parts.push(Part { plc, bytes: selection.bytes(session, plc)?, selection });
+                let bytes = selection.bytes(fitted.device(), || session.retain_bytes(plc))?;
+                parts.push(Part { plc, bytes, selection });
             }
             Ok::<_, CliError>(())
         };
@@ -247,6 +248,12 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
         let described = device.named_areas().filter(|area| fitted.placed(area).next().is_some());
         return Ok(described.map(Selection::whole).collect());
     }
+    match NamedLocation::parse(fitted, name) {
+        Ok(place) => place.whole_only()?,
+        Err(refusal @ LayoutError::BadBit { .. }) => return Err(refusal),
+        // The text may name a block, an array or a pattern.
+        Err(_) => {}
+    }
     let selection = if name.starts_with('%') {
         let address = device.address(name)?;
         let area = device.area_at(address)?;
@@ -275,26 +282,23 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
 }
 
 /// Returns the bytes that a name selects in a plant that does not run yet. Each range consists of the index of the PLC,
-/// the first byte in the image, and the number of bytes.
+/// the first byte in the image, and the number of bytes. `retain_bytes` are the sizes of the retain flags of the PLCs.
 ///
 /// # Errors
 /// No PLC, block or register has this name.
 pub(crate) fn stretches(
     instance: &str,
     names: &Names,
+    retain_bytes: &[u32],
     text: &str,
 ) -> Result<Vec<(DeviceIndex, u32, u32)>, CliError> {
     let (plc, name) = split_plc(text);
     let plc = number_of_plc(instance, &names.plcs, plc, name)?;
     let mut found = Vec::new();
+    let retain_bytes = || Ok::<_, CliError>(retain_bytes.get(plc.index()).copied().unwrap_or_default());
     for selection in select(&names.fitted(plc), name)? {
-        let area = selection.area;
-        let described = area.structures.iter().map(|placed| placed.structure.bytes).max();
-        match (&selection.registers, selection.place) {
-            (Some(registers), _) => found.extend(registers.iter().map(|it| (plc, it.offset(), it.width()))),
-            (None, Some(place)) => found.push((plc, place.offset(), place.width().bytes())),
-            (None, None) => found.push((plc, area.first, described.unwrap_or(area.bytes))),
-        }
+        let bytes = selection.bytes(names.device(plc), retain_bytes)?;
+        found.extend(selection.stretches(bytes).into_iter().map(|(first, len)| (plc, first, len)));
     }
     Ok(found)
 }
@@ -308,7 +312,11 @@ struct Part {
 
 impl Selection {
     /// Returns the range to read: the whole area of plain RAM, otherwise the part of the area that has registers.
-    fn bytes(&self, session: &Session, plc: DeviceIndex) -> Result<Range<u32>, CliError> {
+    fn bytes(
+        &self,
+        device: &DeviceLayout,
+        retain_bytes: impl FnOnce() -> Result<u32, CliError>,
+    ) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
             return Ok(place.offset()..place.offset() + place.width().bytes());
@@ -316,24 +324,29 @@ impl Selection {
         let described = area.structures.iter().map(|placed| placed.structure.bytes).max();
         let len = match described {
             Some(bytes) => bytes,
-            None if session.device(plc).is_retain(area.first) => session.retain_bytes(plc)?,
+            None if device.is_retain(area.first) => retain_bytes()?,
             None => area.bytes,
         };
         Ok(area.first..area.first + len)
     }
-}
 
-impl Part {
-    /// Returns the selected bytes as offsets and lengths: one pair for each register, or one for the whole range.
-    fn stretches(&self) -> Vec<(u32, u32)> {
-        match &self.selection.registers {
+    /// Returns the selected bytes as offsets and lengths: one pair for each register, or pairs for the whole range
+    /// `bytes`.
+    fn stretches(&self, bytes: Range<u32>) -> Vec<(u32, u32)> {
+        match &self.registers {
             Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),
             None => {
-                let Range { start, end } = self.bytes;
+                let Range { start, end } = bytes;
                 let stretch = |first: u32| (first, MAX_BLOCK.min(end - first));
                 (start..end).step_by(MAX_BLOCK as usize).map(stretch).collect()
             }
         }
+    }
+}
+
+impl Part {
+    fn stretches(&self) -> Vec<(u32, u32)> {
+        self.selection.stretches(self.bytes.clone())
     }
 
     fn reads(&self) -> Vec<Read> {

@@ -182,7 +182,8 @@ fn check_options(args: &Args, config: &PlantConfig) -> Result<(), CliError> {
     }
     let mut plant = Plant::new(config, |_plc, device| Ok::<_, CliError>(Segment::of(device)))?;
     args.federate.coupling(&plant)?;
-    args.settings.record(&args.instance.name, &plant.names(), |plc, offset, len| {
+    let (names, retain_bytes) = (plant.names(), plant.retain_bytes());
+    args.settings.record(&args.instance.name, &names, &retain_bytes, |plc, offset, len| {
         plant.follow_registers(plc, offset, len, Keep::InJournal)
     })
 }

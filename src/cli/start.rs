@@ -6,7 +6,7 @@ use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
-use crate::memory::describe_process;
+use crate::memory::{Unmapped, Width, describe_process};
 use crate::plant::{FollowError, PlantConfig};
 use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
@@ -143,8 +143,10 @@ impl Settings {
         if let Some(count) = NonZero::new(usize::from(self.threads)).filter(|count| count.get() > 1) {
             emulator.set_cores(count);
         }
-        let names = emulator.plant().names();
-        self.record(instance, &names, |plc, offset, len| emulator.keep_changes(plc, offset, len))?;
+        let (names, retain_bytes) = (emulator.plant().names(), emulator.plant().retain_bytes());
+        self.record(instance, &names, &retain_bytes, |plc, offset, len| {
+            emulator.keep_changes(plc, offset, len)
+        })?;
         // The user may have mistyped the name of the directory. Flags and parameters then start with their defaults, so
         // a note reports the new directory.
         if let Some(new) = new.filter(|directory| directory.exists()) {
@@ -183,7 +185,7 @@ impl Settings {
     }
 
     /// Passes the registers of `--record` to `keep`: the index of the PLC, the first byte in the image, and the number of
-    /// bytes.
+    /// bytes. `retain_bytes` are the sizes of the retain flags of the PLCs.
     ///
     /// # Errors
     /// The plant has no such register, or `keep` fails.
@@ -191,13 +193,20 @@ impl Settings {
         &self,
         instance: &str,
         names: &Names,
+        retain_bytes: &[u32],
         mut keep: impl FnMut(DeviceIndex, u32, u32) -> Result<(), FollowError>,
     ) -> Result<(), CliError> {
         for text in &self.watch {
-            for (plc, offset, len) in dump::stretches(instance, names, text)? {
-                keep(plc, offset, len).map_err(|error| CliError::Argument {
-                    text: format!("--record {text}"),
-                    right: error.to_string(),
+            for (plc, offset, len) in dump::stretches(instance, names, retain_bytes, text)? {
+                keep(plc, offset, len).map_err(|error| {
+                    let device = names.device(plc);
+                    let right = match error {
+                        FollowError::Unmapped(Unmapped { offset }) => {
+                            device.not_covered(device.at(Width::Byte, offset))
+                        }
+                        FollowError::TooMany => error.to_string(),
+                    };
+                    CliError::Argument { text: format!("--record {text}"), right }
                 })?;
             }
         }

@@ -52,6 +52,11 @@ impl Address {
         self.bit
     }
 
+    /// Returns the address of the byte that contains the bit of this address.
+    pub(super) const fn of_byte(self) -> Self {
+        Self { bit: None, ..self }
+    }
+
     /// Returns the address of bit `bit` of the object at this address.
     pub(super) const fn of_bit(self, bit: u32) -> Self {
         let Self { offset, space, .. } = self;

@@ -28,6 +28,14 @@ pub enum LayoutError {
         /// Number of the last bit.
         last: u32,
     },
+    /// A single bit where the whole register is needed.
+    #[error("{text}: a single bit is not possible here; name the whole register: {whole}")]
+    OneBit {
+        /// Name or address of the bit, as the user wrote it.
+        text: String,
+        /// Name of the register, or address of the byte, that contains the bit.
+        whole: String,
+    },
     /// An address in none of the device's spaces.
     #[error("{text} is no address of this device, which has {known}")]
     NoSpace {

@@ -195,24 +195,37 @@ impl DeviceFit {
     fn all_named(&self, block: &Block, path: &str, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let parsed = Path::parse(path)?;
         let parsed = if path == name { parsed } else { parsed.in_block(block) };
-        if parsed.group.is_none() && parsed.register.index.is_empty() {
-            let wanted = parsed.register.name;
+        let matches = |given: &[u32], index: &[u16]| {
+            given.len() <= index.len()
+                && given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
+        };
+        if parsed.group.is_none() {
+            let NamePart { name: wanted, index } = &parsed.register;
             let all = block.by_address(|found| {
-                found.register.group == wanted
-                    || (found.register.group.is_empty() && found.register.name == wanted)
+                let Register { group, name, group_dims, .. } = found.register;
+                group == wanted && matches(index, &found.index[..*group_dims])
+                    || group.is_empty() && name == wanted && index.is_empty()
             });
             if !all.is_empty() {
                 return Ok(all);
+            }
+            let mut members =
+                block.placed().flat_map(|it| it.structure.registers.iter().map(move |own| (it, own)));
+            if let Some((placed, register)) =
+                members.find(|(_, own)| !own.group.is_empty() && own.group == *wanted)
+            {
+                // The sub-structure exists, so its indices are wrong.
+                let member = NamePart { name: register.name, index: Vec::new() };
+                let path = Path { text: path, group: Some(parsed.register), register: member };
+                return Found { block: block.clone(), placed, register, path }
+                    .register()
+                    .map(|one| vec![one]);
             }
         }
         let one = self.named(block, path, name).and_then(Found::register);
         if !matches!(one, Err(LayoutError::IndexCount { .. } | LayoutError::Ambiguous { .. })) {
             return one.map(|one| vec![one]);
         }
-        let matches = |given: &[u32], index: &[u16]| {
-            given.len() <= index.len()
-                && given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
-        };
         let all = block.by_address(|found| {
             let Register { group_dims, dims, .. } = found.register;
             let (group, own) = found.index[..dims.len()].split_at(*group_dims);

@@ -90,6 +90,19 @@ impl NamedLocation {
         self.address.bit()
     }
 
+    /// Refuses a single bit, where only a whole register is possible.
+    ///
+    /// # Errors
+    /// [`LayoutError::OneBit`], which names the whole register.
+    pub fn whole_only(&self) -> Result<(), LayoutError> {
+        if self.bit().is_none() {
+            return Ok(());
+        }
+        let register = self.registers.first().map(RegisterRef::name);
+        let whole = register.unwrap_or_else(|| self.address.of_byte().to_string());
+        Err(LayoutError::OneBit { text: self.text.clone(), whole })
+    }
+
     /// Returns the address: `%MW3.200000`.
     pub fn address(&self) -> Address {
         self.address

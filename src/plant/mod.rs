@@ -548,6 +548,12 @@ impl Plant {
         }
     }
 
+    /// Returns the number of bytes of retain flags that each PLC has, in the order of the plant.
+    #[cfg(feature = "cli")]
+    pub(crate) fn retain_bytes(&self) -> Vec<u32> {
+        self.devices.iter().map(|device| device.header().retain_size.load()).collect()
+    }
+
     /// Returns the journal of the plant.
     pub fn journal(&self) -> &Journal {
         &self.journal

@@ -111,6 +111,34 @@ fn diff_names_a_plc_that_the_instance_does_not_have() {
     assert!(!outcome.err.contains("another structure"), "{}", outcome.err);
 }
 
+/// A PLC may have fewer retain flags than the PLC of the dump.
+#[test]
+fn diff_names_retain_flags_that_the_plc_does_not_have() {
+    let directory = TempDir::new().unwrap();
+    let of = |bytes: u32| {
+        let plant = directory.path().join(format!("{bytes}.toml"));
+        fs::write(&plant, format!("[[plc]]\nname = 'line'\nretain_bytes = {bytes}\n")).unwrap();
+        Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"])
+    };
+    let (earlier, later) = (of(64), of(32));
+    earlier.poke(&["%MD10000000=3", "%MD10000040=5", "%MW10000050=7"]);
+    for dumped in [&["retain"][..], &["%MD10000000", "%MD10000040", "%MW10000050"]] {
+        let path = save(&earlier, &directory, "before.json", dumped);
+        let outcome = later.run("diff", &[path.to_str().unwrap()]);
+        assert!(
+            outcome.out.starts_with("%MD10000000  ") && outcome.out.lines().count() == 1,
+            "{}",
+            outcome.out
+        );
+        let note = format!(
+            "commram: note: 2 registers of {} not compared: PLC 'line' has fewer retain flags; `retain_bytes` in the plant \
+             file gives it more\n",
+            path.display()
+        );
+        assert_eq!((outcome.code, outcome.err), (Some(1), note));
+    }
+}
+
 /// Areas of several PLCs have the same names.
 #[test]
 fn diff_compares_only_the_plcs_of_a_dump() {
@@ -294,4 +322,50 @@ fn a_part_of_a_recorded_register_has_its_changes() {
     fs::write(&script, text).unwrap();
     let outcome = run(&["test", script.to_str().unwrap()]);
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+}
+
+/// The plant decides how many retain flags there are.
+#[test]
+fn the_retain_flags_of_a_plc_are_recorded() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--record", "retain"]);
+    emulator.poke(&["%MD10000000=5", "%MD10019996=7"]);
+    emulator.step(&["1ms"]);
+    let trace = emulator.run("trace", &["--kind", "changed", "--format", "jsonl"]);
+    let changed: Vec<_> =
+        trace.ok().lines().map(|line| serde_json::from_str::<Value>(line).unwrap()).collect();
+    let flags: Vec<_> = changed.iter().map(|change| change["address"].as_str().unwrap()).collect();
+    assert_eq!(flags, ["%MD10000000", "%MD10019996"], "{}", trace.out);
+    let beyond = run(&["run", "--check", "--record", "%MD10020000"]);
+    assert_eq!(
+        beyond.fails(2),
+        "commram: `--record %MD10020000`: this PLC has fewer retain flags than this BYTE needs; `retain_bytes` in the plant \
+         file gives it more\n"
+    );
+}
+
+/// The commands that show registers and their changes take whole registers, and elements of sub-structures.
+#[test]
+fn whole_registers_are_dumped_watched_and_recorded() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--record", "node2.a_DATA_PARAMETER[1]"]);
+    let dump = emulator.run("dump", &["node2.a_DATA_PARAMETER[1]", "--full", "--format", "json"]);
+    let rows: Vec<Value> = serde_json::from_str(dump.ok()).unwrap();
+    let names: Vec<_> = rows.iter().map(|row| row["register"].as_str().unwrap()).collect();
+    let element =
+        ["d_PAR_VALUE", "w_PAR_NR", "w_SUBSL_ADR"].map(|own| format!("node2.a_DATA_PARAMETER[1].{own}"));
+    assert_eq!(names, element);
+    for (bit, whole) in [
+        ("node2.w_CANsync_STATUS.2", "node2.w_CANsync_STATUS"),
+        ("%MX3.200004.2", "node2.w_CANsync_STATUS"),
+        ("%MX10000003.1", "%MB10000003"),
+    ] {
+        let right = format!("{bit}: a single bit is not possible here; name the whole register: {whole}");
+        for command in ["dump", "watch"] {
+            assert_eq!(emulator.run(command, &[bit]).fails(2), format!("commram: {right}\n"), "{command}");
+        }
+        let recorded = run(&["run", "--check", "--record", bit]);
+        assert!(recorded.fails(2).contains(&right), "{}", recorded.err);
+    }
+    assert!(
+        emulator.run("dump", &["node2.w_CANsync_STATUS.16"]).fails(2).contains("has bits 0 to 15, not 16")
+    );
 }

@@ -3,7 +3,7 @@
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;
 use crate::identity::PortNumber;
-use crate::layout::{AreaOrRegisters, DeviceFit, Fit, LayoutError, Role, split_plc};
+use crate::layout::{AreaOrRegisters, DeviceFit, Fit, LayoutError, RegisterRef, Role, split_plc};
 
 fn error(name: &str) -> String {
     DEVICE.register(name).unwrap_err().to_string()
@@ -99,6 +99,11 @@ fn a_block_or_a_pattern_is_not_one_register() {
     assert!(matches!(named("node2"), Ok(AreaOrRegisters::Area(area)) if area.name == "node2"));
     assert!(matches!(named("node2.a_STAT_SL"), Ok(AreaOrRegisters::Registers(all)) if all.len() == 32));
     assert!(matches!(named("a_STAT_SL"), Ok(AreaOrRegisters::Registers(all)) if all.len() == 32));
+    let of = |name: &str| DEVICE.registers(name).unwrap().iter().map(RegisterRef::name).collect::<Vec<_>>();
+    let element =
+        ["d_PAR_VALUE", "w_PAR_NR", "w_SUBSL_ADR"].map(|own| format!("node2.a_DATA_PARAMETER[1].{own}"));
+    assert_eq!(of("node2.a_DATA_PARAMETER[1]"), element);
+    assert_eq!(of("a_DATA_PARAMETER[1]"), element);
     assert!(matches!(named("node7"), Err(LayoutError::UnknownArea { .. })));
     assert!(matches!(named("w_CPU_CONTRL"), Err(LayoutError::UnknownName { .. })));
 }
@@ -117,6 +122,15 @@ fn wrong_indices_are_answered_with_the_ranges() {
     assert_eq!(
         error("node2.a_DATA_PARAMETER.w_PAR_NR[3]"),
         "`a_DATA_PARAMETER.w_PAR_NR[3]` needs indices: a_DATA_PARAMETER[0..31].w_PAR_NR"
+    );
+    let several = |name: &str| DEVICE.registers(name).unwrap_err().to_string();
+    assert_eq!(
+        several("node2.a_DATA_PARAMETER[32]"),
+        "`a_DATA_PARAMETER[32]`: index 32 is out of range, a_DATA_PARAMETER has elements 0 to 31"
+    );
+    assert_eq!(
+        several("node2.a_DATA_PARAMETER[3][0]"),
+        "`a_DATA_PARAMETER[3][0]` needs indices: a_DATA_PARAMETER[0..31].d_PAR_VALUE"
     );
     assert_eq!(error("node2.w_CPU_CONTROL[0]"), "`w_CPU_CONTROL[0]` is not an array; leave out the index");
     assert!(error("node2.a_STAT_SL[99999999]").contains("index 99999999 is out of range"));

@@ -26,17 +26,6 @@ impl Register {
         self.spot.plc
     }
 
-    /// Returns an error unless this is a whole register.
-    pub(super) fn is_whole(&self) -> Result<(), ScenarioError> {
-        match self.place.bit() {
-            None => Ok(()),
-            Some(_) => Err(ScenarioError::argument(
-                self.place.text(),
-                "a single bit is not possible here; name the whole register",
-            )),
-        }
-    }
-
     /// Returns the register that a write accesses. For a single bit, the register that contains the bit.
     pub(super) fn written_spot(&self) -> Spot {
         self.place.bit_access().map_or(self.spot, |bit| Spot {
@@ -121,7 +110,7 @@ impl Bench {
 
     pub(super) fn whole_register(&self, text: &str) -> Result<Register, ScenarioError> {
         let register = self.find(text)?;
-        register.is_whole()?;
+        register.place.whole_only()?;
         Ok(register)
     }
 
