@@ -4,6 +4,7 @@ mod arguments;
 mod block;
 mod board;
 mod drive;
+mod fields;
 mod history;
 mod plot;
 mod shown;

@@ -18,6 +18,7 @@ mod error;
 mod failure;
 #[cfg(all(test, feature = "channel"))]
 mod federated;
+mod fields;
 mod imports;
 mod junit;
 mod lines;
@@ -37,6 +38,7 @@ mod verb;
 pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
 pub use failure::{ExchangeKind, ExchangeStep, Failure, FailureKind, JournalLine, Numbers, ScriptLocation};
+pub use fields::{Field, Fields};
 #[cfg(feature = "cli")]
 pub(crate) use imports::without_dots;
 #[cfg(feature = "cli")]

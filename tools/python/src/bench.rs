@@ -13,7 +13,7 @@ use commram::devices;
 use commram::identity::DeviceIndex;
 use commram::layout::Fit;
 use commram::plant::PlantConfig;
-use commram::script::{Bench, Register as Found, ScenarioError, Span};
+use commram::script::{Bench, Field, Fields, Register as Found, ScenarioError, Span};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -389,29 +389,11 @@ impl PyBench {
 
     #[pyo3(signature = (plc = ""))]
     fn board<'py>(&self, py: Python<'py>, plc: &str) -> PyResult<Bound<'py, PyDict>> {
-        let (state, words) = self.act(py, |bench| bench.board(plc))?;
-        let board = PyDict::new(py);
-        let texts = [
-            ("display", words.display),
-            ("run_switch", words.switch),
-            ("power", Some(words.power)),
-            ("program", words.program),
-            ("start", words.start),
-            ("project", words.project),
-        ];
-        let numbers = [
-            ("leds", words.leds.map(|_| state.leds)),
-            ("dip", words.dip),
-            ("dip_latched", words.dip_latched),
-            ("restarts", Some(words.restarts)),
-        ];
-        for (name, text) in texts {
-            text.map(|text| board.set_item(name, text.to_string())).transpose()?;
-        }
-        for (name, number) in numbers {
-            number.map(|number| board.set_item(name, number)).transpose()?;
-        }
-        Ok(board)
+        dict(py, self.act(py, |bench| bench.board_fields(plc))?)
+    }
+
+    fn drive<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
+        dict(py, self.act(py, |bench| bench.drive_fields(name))?)
     }
 
     fn set_board(&self, py: Python<'_>, words: &str) -> PyResult<()> {
@@ -623,4 +605,18 @@ fn standard(identifier: u32, extended: bool, mask: Option<u16>) -> PyResult<Opti
             Err(PyValueError::new_err(text))
         }
     }
+}
+
+/// Returns named fields as a dictionary.
+fn dict(py: Python<'_>, fields: Fields) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for (name, field) in fields {
+        match field {
+            Field::Flag(flag) => all.set_item(name, flag),
+            Field::Number(number) => all.set_item(name, number),
+            Field::Text(text) => all.set_item(name, text),
+            Field::Fields(fields) => all.set_item(name, dict(py, fields)?),
+        }?;
+    }
+    Ok(all)
 }

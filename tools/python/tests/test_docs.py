@@ -9,6 +9,8 @@ import pytest
 
 PAGE = (pathlib.Path(__file__).parents[3] / "docs/guide/python.md").read_text()
 
+VERBS = (pathlib.Path(__file__).parents[3] / "src/script/verbs.d.rhai").read_text()
+
 
 def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
@@ -50,3 +52,13 @@ def test_the_suite_of_robot(tmp_path):
     command = [sys.executable, "-m", "robot", "--log", "NONE", "--report", "NONE", "--output", "NONE", "it.robot"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stdout
+
+
+def test_every_verb_is_in_the_package_or_named_as_missing():
+    import commram
+
+    paragraph = next(part for part in PAGE.split("\n\n") if part.startswith("`Emulator` and the object"))
+    missing = set(re.findall(r"`(\w+)`", paragraph.split("(", 1)[1])) - {"Emulator", "connect", "wait_until"}
+    verbs = set(re.findall(r"^fn (\w+)\(", VERBS, re.MULTILINE))
+    assert {verb for verb in verbs if not hasattr(commram.Emulator, verb)} == missing
+    assert {verb for verb in verbs if not hasattr(commram.Connection, verb)} == missing

@@ -247,13 +247,28 @@ def test_use_after_close_is_reported(emulator):
     emulator.close()
 
 
-def test_every_verb_of_scenarios_is_there():
-    page = (pathlib.Path(__file__).parents[3] / "docs/reference/scenarios.md").read_text()
-    page = page.split("\n## Verbs\n")[1].split("\n## ")[0]
-    rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
-    verbs = {verb for row in rows for verb in re.findall(r"`([a-z_]+)\(", row)}
-    assert len(verbs) > 40
-    # The constructor of `Emulator` takes the plant, and pytest itself skips tests. Function blocks, histories of
-    # changes, plots and states of drives are not available in Python.
-    missing = {verb for verb in verbs - {"plant"} if not hasattr(commram.Emulator, verb)}
-    assert missing == {"block", "cycle", "cycle_until", "record", "history", "expect_history", "plot", "drive", "skip"}
+CORPUS = pathlib.Path(__file__).parents[3] / "tests/__fuzz__/plant/corpus"
+SCENARIOS = (pathlib.Path(__file__).parents[3] / "docs/reference/scenarios.md").read_text()
+
+
+def test_boards_of_all_devices_have_the_fields_of_scenarios():
+    table = SCENARIOS.split("#### Fields of board", 1)[1].split("\n\n")[1]
+    rows = [line.split("|")[1:3] for line in table.splitlines()[2:]]
+    documented = {frozenset(re.findall(r"`(\w+)`", fields)) for _, fields in rows}
+    seen = set()
+    for device in ("omega_drive_line_2", "bm4_o_can_06", "cs0015", "can_dp2", "cr201x"):
+        with commram.Emulator(CORPUS / f"{device}.toml") as emulator:
+            for plc in emulator.plcs:
+                board = emulator.board(plc)
+                seen.add(frozenset(board))
+                for module in board.get("modules", {}).values():
+                    assert {"kind", "leds"} <= set(module)
+    assert documented <= seen
+
+
+def test_drives_have_the_fields_of_scenarios(emulator):
+    drive = emulator.drive("drive1")
+    assert (drive["state"], drive["fault"], drive["stopped"]) == ("operation_enabled", 0, False)
+    assert isinstance(drive["parameters"]["P167"], int)
+    with pytest.raises(commram.UnknownName, match="no drive 'drive9'"):
+        emulator.drive("drive9")

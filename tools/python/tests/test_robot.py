@@ -25,6 +25,11 @@ A master starts
     Expect No Frame    drives    0x101    2ms
     ${frames}=    Frames    drives
     Should Be Empty    ${frames}
+    Expect That    ${value == 28}    the byte is stored
+    ${drive}=    Drive    drive1
+    Should Be Equal    ${drive}[state]    operation_enabled
+    ${lines}=    Journal Lines    ${3}
+    Length Should Be    ${lines}    3
 
 Each test has a plant of its own
     ${now}=    Now

@@ -8,8 +8,7 @@ from typing import Any
 
 from commram import Connection, Emulator
 
-# The verbs in the order of docs/reference/scenarios.md. Verbs that take functions, or return values that only Python
-# can use, are left out.
+# The verbs in the order of docs/reference/scenarios.md. `wait_until` takes a function, which a suite cannot pass.
 _VERBS = (
     "section",
     "peek",
@@ -31,7 +30,9 @@ _VERBS = (
     "expect",
     "expect_near",
     "expect_bits",
+    "expect_that",
     "expect_changes",
+    "drive",
     "board",
     "set_board",
     "reset",
@@ -53,12 +54,15 @@ _VERBS = (
     "expect_no_frame",
     "frames",
     "journal",
+    "journal_lines",
 )
 # Arguments that are numbers or booleans; values and times are texts as engineers write them.
 _TYPES = {
     "identifier": int,
     "mask": int,
     "extended": bool,
+    "condition": bool,
+    "count": int,
     "since": int,
     "tolerance": int,
     "number": int,
