@@ -221,7 +221,7 @@ impl Row for LayoutVerdict {
 
 fn import(args: &ImportArgs) -> Result<(), CliError> {
     let declarations = read(&args.declarations)?;
-    let called = NamePairs::new(args.called.iter().cloned());
+    let called = NamePairs::new(args.called.iter().cloned())?;
     let of_device = || Path::new("layouts").join(args.device.layout().name);
     let layout = args.layout.clone().unwrap_or_else(of_device);
     let import = Import::plan(&layout, &declarations, args.align.into(), &called)?;

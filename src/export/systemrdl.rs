@@ -7,6 +7,7 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{Area, AreaStructure, BitField, Meaning, Owner, Register, Role, ValueMeaning};
+use crate::plain_text::is_interpreted;
 use std::collections::HashMap;
 use std::fmt::Write;
 
@@ -45,7 +46,7 @@ fn without_code(text: &str) -> String {
             '[' if next.is_ascii_alphabetic() || matches!(next, '/' | '*') => out.push_str("[lb]"),
             ']' if matches!(next, '(' | ':') => out.push_str("] "),
             '`' => out.push('\''),
-            _ if sign.is_control() || matches!(sign, '\u{2028}' | '\u{2029}') => out.push(' '),
+            _ if is_interpreted(sign) => out.push(' '),
             _ => out.push(sign),
         }
     }

@@ -1,6 +1,7 @@
 //! A dissector for Wireshark in Lua: decoders of the buses, and the messages of each bus of a plant.
 
 use crate::can::{Arbitration, BitOrder, Message, Presence, Signal};
+use crate::plain_text::without_interpreted;
 use std::fmt::Write;
 
 /// A bus of the plant.
@@ -25,7 +26,7 @@ pub fn wireshark<'a>(
     about: &str,
 ) -> String {
     // The name of a file may contain a line end, which ends a comment of Lua.
-    let about = about.replace(char::is_control, " ");
+    let about = without_interpreted(about);
     let mut text =
         format!("-- {about}.\n\n{}{decoders}\nlocal buses = {{\n", include_str!("wireshark/begin.lua"));
     for (bus, number) in buses.into_iter().zip(1..) {
@@ -96,8 +97,8 @@ mod tests {
 
     #[test]
     fn the_head_is_one_comment() {
-        let text = wireshark([], "", "a\nos.exit()\rb");
-        assert!(text.starts_with("-- a os.exit() b.\n"), "{text}");
+        let text = wireshark([], "", "a\nos.exit()\rb\u{202e}c");
+        assert!(text.starts_with("-- a os.exit() b c.\n"), "{text}");
     }
 
     #[test]

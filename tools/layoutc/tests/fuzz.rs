@@ -22,7 +22,7 @@ fn read_or_refuse(bytes: &[u8]) {
                 assert!(sizes.shape(member.ty).is_ok() && end <= sizes.size(ty).unwrap());
             }
         }
-        let _ = Import::plan(Path::new(FIXTURE), &declarations, alignment, &NamePairs::new([]));
+        let _ = Import::plan(Path::new(FIXTURE), &declarations, alignment, &NamePairs::default());
     }
 }
 

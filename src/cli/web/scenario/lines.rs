@@ -3,6 +3,7 @@
 use super::{Action, Connection, Expectation};
 use crate::identity::DeviceIndex;
 use crate::layout::{Compare, NamedLocation, Test, Width, format_value};
+use crate::plain_text::is_interpreted;
 use crate::request::{Class, MAX_ADVANCE_US, Op};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -25,7 +26,7 @@ pub(super) fn quoted(text: &str) -> String {
             '\n' => quoted += "\\n",
             '\r' => quoted += "\\r",
             '\t' => quoted += "\\t",
-            sign if sign.is_control() => {
+            sign if is_interpreted(sign) => {
                 // Writing to a string cannot fail.
                 let _ = write!(quoted, "\\u{:04x}", u32::from(sign));
             }

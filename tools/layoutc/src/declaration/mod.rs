@@ -307,9 +307,16 @@ impl Declarations {
     }
 
     fn skip_part(&mut self, at: TextPosition, kind: &str, name: &str) {
-        let what = format!("{kind} {name}").replace(char::is_control, "?");
+        let what = printable(&format!("{kind} {name}"));
         self.skipped.push(SkippedPart { file: self.current_file(), line: at.line, what });
     }
+}
+
+/// Returns the text with `?` in place of each character that is not a letter, a digit or another printable character of
+/// ASCII. Such a character may end a line, or change the direction of the text.
+pub(crate) fn printable(text: &str) -> String {
+    let is_printable = |sign: char| sign.is_alphanumeric() || sign.is_ascii_graphic() || sign == ' ';
+    text.replace(|sign| !is_printable(sign), "?")
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub use error::ImportError;
 pub use rows::{Row, Verdict};
 
 use crate::check;
-use crate::declaration::{Alignment, Declarations, Sizes, TypeId};
+use crate::declaration::{Alignment, Declarations, Sizes, TypeId, printable};
 use crate::hash::layout_hash;
 use crate::source::Sources;
 use homes::{Homes, Table};
@@ -61,7 +61,7 @@ impl Import {
     ) -> Result<Self, ImportError> {
         let hash_before = layout_hash(&check::load(&mut Sources::new(dir))?);
         let homes = Homes::read(Sources::new(dir))?;
-        called.check(&homes)?;
+        called.check(&homes, declarations)?;
         let sizes = Sizes::new(declarations, alignment);
         let mut matcher = Matcher { homes: &homes, sizes, called, has_our_padding: false };
         let mut rows = Vec::new();
@@ -129,8 +129,19 @@ impl Import {
 
 impl NamePairs {
     /// Makes the table from pairs of the layout's and the declaration's name.
-    pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Self {
-        Self(pairs.into_iter().collect())
+    ///
+    /// # Errors
+    /// [`ImportError::Called`] if two pairs are about the same name of the layout.
+    pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Result<Self, ImportError> {
+        let mut all = BTreeMap::new();
+        for (ours, theirs) in pairs {
+            if let Some(other) = all.insert(ours.clone(), theirs.clone()) {
+                let right =
+                    format!("`{ours}` already has the name `{other}` in the declarations; give one name");
+                return Err(ImportError::Called { ours, theirs, right });
+            }
+        }
+        Ok(Self(all))
     }
 
     fn of_structure(&self, structure: &str) -> String {
@@ -147,8 +158,9 @@ impl NamePairs {
         self.0.keys().any(|ours| ours.starts_with(&inside))
     }
 
-    /// Checks that every name on the left is a name of the layout.
-    fn check(&self, homes: &Homes) -> Result<(), ImportError> {
+    /// Checks that every name on the left is a name of the layout, and that the declarations have the structures on the
+    /// right.
+    fn check(&self, homes: &Homes, declarations: &Declarations) -> Result<(), ImportError> {
         for (ours, theirs) in &self.0 {
             let mut path = ours.split('.');
             let structure = path.next().unwrap_or_default();
@@ -167,6 +179,14 @@ impl NamePairs {
                 let (ours, theirs) = (ours.clone(), theirs.clone());
                 return Err(ImportError::Called { ours, theirs, right });
             }
+            if ours == structure && declarations.find_only(theirs)?.is_none() {
+                let right = format!(
+                    "{} declares no structure `{theirs}`; its structures: {}",
+                    declarations.title(),
+                    declared_by(declarations)
+                );
+                return Err(ImportError::Called { ours: ours.clone(), theirs: theirs.clone(), right });
+            }
         }
         Ok(())
     }
@@ -179,9 +199,14 @@ fn undeclared(structure: &str, size: u32) -> Row {
 
 fn nothing_declared(homes: &Homes, declarations: &Declarations) -> ImportError {
     let known: Vec<_> = homes.structures().map(|index| homes.all[index].name()).collect();
-    let declared: Vec<_> = declarations.structures().take(20).collect();
-    let declared = if declared.is_empty() { "none".to_owned() } else { declared.join(", ") };
+    let declared = declared_by(declarations);
     ImportError::NothingDeclared { path: declarations.title(), known: known.join(", "), declared }
+}
+
+/// Returns the names of the declared structures; of many structures, only the first ones.
+fn declared_by(declarations: &Declarations) -> String {
+    let declared: Vec<_> = declarations.structures().take(20).collect();
+    if declared.is_empty() { "none".to_owned() } else { declared.join(", ") }
 }
 
 /// Returns every list of registers once. A list that several structures use must have the same places in all of them.
@@ -260,6 +285,6 @@ fn marks<'a>(
     Ok(move |declared| {
         let path = declarations.file_of(declared);
         let name = path.file_name().unwrap_or(path.as_os_str());
-        format!("manual: {library}, {}", name.to_string_lossy().replace(char::is_control, "?"))
+        format!("manual: {library}, {}", printable(&name.to_string_lossy()))
     })
 }

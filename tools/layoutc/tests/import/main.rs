@@ -61,7 +61,7 @@ fn plan_with(
 ) -> Result<Import, ImportError> {
     let declarations = Declarations::parse(Path::new("lib/TYPES.st"), text).unwrap();
     let called = called.iter().map(|(ours, theirs)| ((*ours).to_owned(), (*theirs).to_owned()));
-    Import::plan(dir, &declarations, alignment, &NamePairs::new(called))
+    Import::plan(dir, &declarations, alignment, &NamePairs::new(called)?)
 }
 
 fn plan(dir: &Path, text: &str) -> Result<Import, ImportError> {
@@ -336,4 +336,26 @@ fn declarations_of_something_else_are_refused() {
     );
     let alone = AS_IT_IS.replace("CTRL : STRUCT", "OTHER : STRUCT");
     assert_eq!(reported_rows(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
+}
+
+#[test]
+fn a_name_that_the_declarations_lack_is_refused() {
+    assert_eq!(
+        refused(AS_IT_IS, &[("CTRL", "CTRLS")]),
+        "`CTRL=CTRLS`: lib/TYPES.st declares no structure `CTRLS`; its structures: PAIR, INIT, CTRL"
+    );
+    assert_eq!(
+        refused(AS_IT_IS, &[("CTRL", "CTRL"), ("CTRL", "INIT")]),
+        "`CTRL=INIT`: `CTRL` already has the name `CTRL` in the declarations; give one name"
+    );
+}
+
+#[test]
+fn the_mark_has_only_printable_characters_of_the_file_name() {
+    let dir = fixture();
+    let declarations = Declarations::parse(Path::new("lib/a\u{202e}b\u{e4}\n.st"), AS_IT_IS).unwrap();
+    let import = Import::plan(dir.path(), &declarations, Alignment::Natural, &NamePairs::default()).unwrap();
+    write(&import);
+    let text = fs::read_to_string(dir.path().join("CTRL.toml")).unwrap();
+    assert!(text.contains("offsets = \"manual: BM_TYPES, a?b\u{e4}?.st\""), "{text}");
 }
