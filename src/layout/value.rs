@@ -186,7 +186,8 @@ fn limits(ty: RegType) -> [i64; 2] {
 }
 
 pub(super) fn article(name: &str) -> &'static str {
-    if name.starts_with(['I', 'U']) { "an" } else { "a" }
+    // The letter U of UINT is spoken as a consonant.
+    if name.starts_with('I') { "an" } else { "a" }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::Plant;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Events, FrontAction, Power};
 use crate::identity::DeviceIndex;
-use crate::journal::Origin;
+use crate::journal::{By, Origin};
 use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, FRONT, SeatState};
 
@@ -64,15 +64,15 @@ impl Plant {
     /// Changes a setting of the board of a PLC at the present time. Returns `false` if the board has no such switch.
     pub fn set_board(&mut self, plc: DeviceIndex, setting: BoardSetting) -> bool {
         let steps = match setting {
-            BoardSetting::Front { word, value } => {
-                let has_it = self.set_front(plc, word.into(), value);
-                self.look_at_boards();
-                return has_it;
-            }
             BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
             BoardSetting::PowerCycle => [Power::Off, Power::On],
             _ => {
-                let has_it = self.devices.get(plc.index()).is_some_and(|device| device.turn(setting));
+                self.keep_changes(By::Program);
+                let has_it = match setting {
+                    BoardSetting::Front { word, value } => self.set_front(plc, word.into(), value),
+                    _ => self.devices.get(plc.index()).is_some_and(|device| device.turn(setting)),
+                };
+                self.keep_changes(By::Channel);
                 self.look_at_boards();
                 return has_it;
             }

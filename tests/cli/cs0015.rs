@@ -143,6 +143,22 @@ fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     assert!(refused.fails(2).contains("s2 can be 0 to 15"), "{}", refused.err);
 }
 
+/// No program is attached here, so the changes come from the command.
+#[test]
+fn a_recorded_switch_is_changed_through_the_channel() {
+    let emulator = Emulator::start(&[PLANT, "--clock", "stepped", "--record", "panel:front"]);
+    emulator.run("board", &["set", "panel:inputs=5", "panel:s1=unlock"]).ok();
+    emulator.step(&["1ms"]);
+    let trace = emulator.run("trace", &["--kind", "changed", "--format", "jsonl"]);
+    let changes: Vec<Value> = trace.ok().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let of = |register: &str| -> Vec<_> {
+        let changes =
+            changes.iter().filter(|change| change["register"].as_str().unwrap().ends_with(register));
+        changes.map(|change| change["by"].as_str().unwrap()).collect()
+    };
+    assert_eq!((of("inputs"), of("s1")), (vec!["channel"], vec!["channel"]), "{}", trace.out);
+}
+
 /// Manual p. 107, 154: each flag has an address. The error for an invalid address lists the addresses of the addressed
 /// device.
 #[test]

@@ -55,8 +55,17 @@ def test_reads_and_writes_are_those_of_the_registers(stepped):
         assert ram["node2.w_CPU_CONTROL"] == 0x0001
         stepped.command("step", "1ms")
         assert ram["node2.w_OPTION_STATUS"] == 0x0002
+        for name, wrong in (
+            ("node2.b_CTRLREG_WRC1", 256),
+            ("node2.b_CTRLREG_WRC1", -1),
+            ("node2.w_CPU_CONTROL", -1),
+            ("node2.a_WR_VALUE[0]", -(1 << 31) - 1),
+            ("%MW3.200000", -1),
+        ):
+            with pytest.raises(ValueError):
+                ram[name] = wrong
         with pytest.raises(ValueError):
-            ram["node2.b_CTRLREG_WRC1"] = 256
+            ram.write_header("board.dip", -1)
 
 
 def test_a_value_that_is_no_integer_is_refused(stepped):

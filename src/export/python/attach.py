@@ -292,10 +292,10 @@ class Ram:
 
     def _store(self, name: str, offset: int, code: str, value: int):
         value, width = _integer(name, value), _WIDTHS[code]
-        if not -(1 << (8 * width - 1)) <= value <= _mask(width):
-            raise ValueError(f"{name}: {value} does not fit into {width} bytes")
-        # A signed register accepts bit patterns, and an unsigned register accepts negative numbers: the mask converts
-        # both.
+        smallest = -(1 << (8 * width - 1)) if code.islower() else 0
+        if not smallest <= value <= _mask(width):
+            raise ValueError(f"{name}: {value} is out of range, the register holds {smallest} to {_mask(width)}")
+        # A signed register also accepts bit patterns.
         self._views[_UNSIGNED[width]][offset // width] = value & _mask(width)
 
     def read(self, name: str) -> int:
