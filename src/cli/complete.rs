@@ -36,11 +36,17 @@ pub(crate) fn registers() -> ArgValueCompleter {
 
 /// Completes registers and blocks.
 pub(crate) fn blocks() -> ArgValueCompleter {
-    of(|current| {
-        let scope = PlcScope::load();
-        let all = scope.registers(current, "").into_iter().chain(scope.areas(current, ""));
-        all.map(|(name, help)| candidate(name, help)).collect()
-    })
+    of(|current| blocks_of(&PlcScope::load(), current))
+}
+
+/// Completes registers and blocks of the plant that the command line names.
+pub(crate) fn blocks_of_plant() -> ArgValueCompleter {
+    of(|current| blocks_of(&PlcScope::of_plant_file(), current))
+}
+
+fn blocks_of(scope: &PlcScope, current: &str) -> Vec<Candidate> {
+    let all = scope.registers(current, "").into_iter().chain(scope.areas(current, ""));
+    all.map(|(name, help)| candidate(name, help)).collect()
 }
 
 /// Completes the areas of a device.

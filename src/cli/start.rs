@@ -48,7 +48,7 @@ pub(crate) struct Settings {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number::within::<u8>(1..=64))]
     threads: u8,
     /// Record every change of these registers and blocks in the journal
-    #[arg(long = "record", alias = "watch", value_name = "REG", value_delimiter = ',', value_parser = given::text(LIST))]
+    #[arg(add = super::complete::blocks_of_plant(), long = "record", alias = "watch", value_name = "REG", value_delimiter = ',', value_parser = given::text(LIST))]
     watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
     #[arg(long, value_name = "DIR")]

@@ -164,7 +164,8 @@ impl PlantConfig {
         kinds
     }
 
-    fn names(&self) -> Names {
+    /// Returns the names of the plant, as far as the file contains them.
+    pub(crate) fn names(&self) -> Names {
         let fitted = |device: &dyn DeviceConfig| {
             let declarations = FaultKind::declarations_of(device.fault_kinds());
             DeviceFit::unknown(device.layout()).declaring(declarations)

@@ -79,6 +79,17 @@ fn registers_of_the_device_on_the_command_line_are_completed() {
     assert_eq!(completed(&["export", "st", "--device", "can-dp2", "--block", "ms"]), ["mst"]);
 }
 
+/// The names are those of the plant that will run, not of an emulator that runs now.
+#[test]
+fn recorded_registers_are_those_of_the_plant_on_the_command_line() {
+    let _running = Emulator::stepped();
+    assert_eq!(completed(&["run", "--record", "node2.w_OPT"]), ["node2.w_OPTION_STATUS"]);
+    assert_eq!(completed(&["run", "--record", "node1,node2.w_OPT"]), ["node1,node2.w_OPTION_STATUS"]);
+    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/cs0015.toml");
+    assert_eq!(completed(&["run", plant, "--record", "node2.w_OPT"]), [""; 0]);
+    assert!(completed(&["run", plant, "--record", "inp"]).contains(&"inputs.".to_owned()));
+}
+
 #[test]
 fn scenario_and_plant_files_are_completed() {
     let scenarios = completed(&["test", "tests/scenarios/01"]);

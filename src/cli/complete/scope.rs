@@ -1,6 +1,6 @@
 //! The PLCs that register names can refer to, and the names that match the typed text, for shells and for editors.
 
-use super::line::{instance, option};
+use super::line::{instance, option, words};
 use crate::cli::device::named;
 use crate::cli::session::Session;
 use crate::devices;
@@ -8,7 +8,9 @@ use crate::fault::{FaultKind, Field, Form};
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::{AreaOrRegisters, DeviceFit, Fit, RegisterRef, split_plc, value};
+use crate::plant::PlantConfig;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// The PLCs that register names can refer to.
 pub(in crate::cli) struct PlcScope {
@@ -32,16 +34,29 @@ impl PlcScope {
     /// Returns the device that the command line names by `--device`, otherwise the PLCs of its instance. If no instance
     /// runs, returns the default device.
     pub(super) fn load() -> Self {
-        let of_device = |device| Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] };
         if let Some(device) = option(&["--device"]).and_then(|name| named(&name)) {
-            return of_device(device);
+            return Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] };
         }
         if let Some(session) = Session::glance(&instance()) {
             let plcs = DeviceIndex::enumerate(session.plcs())
                 .map(|(number, name)| (name.clone(), session.fitted(number)));
             return Self { plcs: plcs.collect() };
         }
-        of_device(devices::default().layout)
+        Self::of_default_device()
+    }
+
+    /// Returns the PLCs of the plant file that the command line names. If it names none, returns the default device.
+    pub(super) fn of_plant_file() -> Self {
+        let words = words();
+        let files =
+            words.iter().map(Path::new).filter(|word| word.extension().is_some_and(|it| it == "toml"));
+        // The command line may also name a file of a federation.
+        let plant = files.into_iter().find_map(|path| PlantConfig::load(path).ok());
+        plant.map_or_else(Self::of_default_device, |plant| Self::of(&plant.names()))
+    }
+
+    fn of_default_device() -> Self {
+        Self { plcs: vec![(String::new(), DeviceFit::unknown(devices::default().layout))] }
     }
 
     /// Returns the PLCs of a plant.
