@@ -4,6 +4,7 @@
 //! never end, and must not wait for a pipe without a writer, because the data never begin. Pipes with a writer, such as
 //! a shell's `<(...)`, are read like files.
 
+use rustix::fs::OFlags;
 use std::fs::{File, OpenOptions};
 use std::io::{Cursor, Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
@@ -119,8 +120,21 @@ fn too_long(text: String) -> Error {
 /// # Errors
 /// The file cannot be opened.
 pub(crate) fn open_without_waiting(path: &Path) -> Result<File> {
+    open_with(path, OFlags::empty())
+}
+
+/// Opens any kind of file like [`open_without_waiting`], but not a link.
+///
+/// # Errors
+/// The file cannot be opened, or is a link.
+#[cfg(feature = "cli")]
+pub(crate) fn open_no_link(path: &Path) -> Result<File> {
+    open_with(path, OFlags::NOFOLLOW)
+}
+
+fn open_with(path: &Path, flags: OFlags) -> Result<File> {
     // Without O_NONBLOCK, opening a pipe waits for a writer.
-    let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();
+    let flags = (flags | OFlags::NONBLOCK | OFlags::NOCTTY).bits();
     OpenOptions::new().read(true).custom_flags(flags as i32).open(path)
 }
 

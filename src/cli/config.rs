@@ -5,7 +5,10 @@ use super::table::Format;
 use crate::input_file;
 use clap::{Command, ValueEnum};
 use serde::Deserialize;
+use std::ffi::OsStr;
+use std::fs::File;
 use std::io::ErrorKind;
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -17,6 +20,8 @@ const NAME: &str = "commram.toml";
 const VARIABLE: &str = "COMMRAM_CONFIG";
 /// Longest file in bytes.
 const LONGEST: u64 = 64 << 10;
+/// Maximum number of links to a file, as in Linux.
+const LONGEST_WAY: u32 = 40;
 
 /// Default values of options, from the configuration files.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -83,11 +88,30 @@ fn places() -> Vec<PathBuf> {
     }
 }
 
+/// Opens a configuration file. Follows at most `links` links, and only those of this user: the paths in the file count
+/// from the directory of the link.
+fn open(path: &Path, links: u32) -> std::io::Result<File> {
+    use rustix::fs::{FileType, Mode, OFlags, fstat, readlinkat};
+    let link = rustix::fs::open(path, OFlags::PATH | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())?;
+    let found = fstat(&link)?;
+    if FileType::from_raw_mode(found.st_mode) != FileType::Symlink {
+        // The call must not block: another user could put a pipe into the working directory.
+        return input_file::open_no_link(path);
+    }
+    if found.st_uid != rustix::process::geteuid().as_raw() {
+        return Err(std::io::Error::other("it is a link of another user"));
+    }
+    let Some(links) = links.checked_sub(1) else { return Err(rustix::io::Errno::LOOP.into()) };
+    // The target is read from the open link, because another user may exchange the entry of the directory.
+    let target = readlinkat(&link, "", Vec::new())?;
+    let target = Path::new(OsStr::from_bytes(target.as_bytes()));
+    open(&path.parent().unwrap_or(Path::new("")).join(target), links)
+}
+
 /// Reads a configuration file. Returns `None` if the file does not exist. A file of another user is refused, because it
 /// could name an instance of that user.
 fn read(path: &Path) -> Result<Option<Config>, String> {
-    // The call must not block: another user could put a pipe into the working directory.
-    let file = match input_file::open_without_waiting(path) {
+    let file = match open(path, LONGEST_WAY) {
         Ok(file) => file,
         Err(reason) if matches!(reason.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             return Ok(None);

@@ -1,6 +1,7 @@
 //! Errors that end a command.
 
 use super::exit::{self, Exit};
+use super::stop::EmulatorPlace;
 use super::time;
 use crate::devices::emulation::demo::DemoError;
 use crate::devices::folder::FolderError;
@@ -244,11 +245,11 @@ errors! {
     } => Exit::Failed,
     /// The emulator was requested to end and does not answer, and no signal can reach it.
     #[error(
-        "{source}; no process that this command can see holds the locks of '{instance}': the emulator runs in another PID \
-         namespace, such as a container. Call `commram stop` there"
+        "{source}; no process that this command can see holds the locks of '{instance}': {}", .place.text()
     )]
     Unseen {
         instance: String,
+        place: EmulatorPlace,
         #[source]
         source: Box<CliError>,
     } => Exit::NotThere,

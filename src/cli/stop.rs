@@ -235,6 +235,31 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     Err(CliError::Remains { instance: instance.to_owned(), directory, entries })
 }
 
+/// The place of an emulator whose process this command does not see.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum EmulatorPlace {
+    /// `/proc` is missing here, so the emulator may be anywhere.
+    Unknown,
+    /// The emulator is in another PID namespace, or `/proc` does not show its locks.
+    Elsewhere,
+}
+
+impl EmulatorPlace {
+    fn of_unseen() -> Self {
+        if Path::new("/proc/self/stat").exists() { Self::Elsewhere } else { Self::Unknown }
+    }
+
+    /// The reason and the remedy, as the end of a message.
+    pub(crate) const fn text(self) -> &'static str {
+        match self {
+            Self::Unknown => "`/proc` is missing here. Call `commram stop` where it is mounted",
+            Self::Elsewhere => {
+                "the emulator runs in another PID namespace, such as a container. Call `commram stop` there"
+            }
+        }
+    }
+}
+
 /// Requests the emulator to end, through its channel. An emulator that does not answer gets a signal: it may have no
 /// channel, or its clock may wait for a client. A stopped process is continued, also if it is stopped during
 /// this function.
@@ -265,7 +290,8 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     while !running.has_ended() {
         if start.elapsed() > patience {
             if let Some(refused) = unseen {
-                return Err(CliError::Unseen { instance: name.to_owned(), source: Box::new(refused) });
+                let place = EmulatorPlace::of_unseen();
+                return Err(CliError::Unseen { instance: name.to_owned(), place, source: Box::new(refused) });
             }
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
         }

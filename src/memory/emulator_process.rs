@@ -42,9 +42,9 @@ pub struct EmulatorProcess {
 }
 
 impl EmulatorProcess {
-    /// Returns the process that has locked `file` according to the kernel. If the kernel shows no such process, returns
-    /// the process `signed`, which a file names. `None` if the process has ended, belongs to another user, or is not
-    /// visible in this pid namespace.
+    /// Returns the process that has locked `file` according to the kernel's table of locks. If the table shows no such
+    /// process, returns the process `signed`, which a file names, if the kernel shows the lock at its open files. `None`
+    /// if the process has ended, belongs to another user, or is not visible in this pid namespace.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
@@ -55,7 +55,10 @@ impl EmulatorProcess {
                 return Ok(process);
             }
         }
-        signed.map_or(Ok(None), Self::pin)
+        let Some(process) = signed.map_or(Ok(None), Self::pin)? else { return Ok(None) };
+        // Any program of this user can write the name of another process to the file. The process is pinned, so the
+        // lock is that of this process and not that of a later process with the same number.
+        Ok((locks::is_held_by(file, process.pid()) && process.is_running()).then_some(process))
     }
 
     /// Returns the process that serves the image of a PLC. `None` if the image is not locked, or the process has ended,
@@ -157,6 +160,8 @@ mod tests {
         file.lock().unwrap();
         let found = EmulatorProcess::holding(&file, signed).unwrap().unwrap();
         assert_eq!(found.pid(), std::process::id());
+        file.unlock().unwrap();
+        assert!(EmulatorProcess::holding(&file, signed).unwrap().is_none(), "only a file names the process");
         let other = EmulatorProcess::pin(signed.unwrap()).unwrap().unwrap();
         assert!(other.is_running());
         bystander.kill().unwrap();

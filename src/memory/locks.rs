@@ -15,6 +15,19 @@ pub(super) fn holder_of(file: &File) -> Option<u32> {
     table.lines().find_map(|line| holder_in(line, &stat))
 }
 
+/// True if an open file of process `pid` has the exclusive `flock` lock of `file`. In contrast to [`holder_of`], this does
+/// not need the kernel's table of locks, which a sandbox may hide.
+pub(super) fn is_held_by(file: &File, pid: u32) -> bool {
+    let (Ok(stat), Ok(files)) = (fstat(file), fs::read_dir(format!("/proc/{pid}/fdinfo"))) else {
+        return false;
+    };
+    let infos = files.flatten().filter_map(|entry| fs::read_to_string(entry.path()).ok());
+    infos.into_iter().any(|info| {
+        let mut locks = info.lines().filter_map(|line| line.strip_prefix("lock:"));
+        locks.any(|line| holder_in(line, &stat).is_some())
+    })
+}
+
 /// Returns the holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
 fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
     // A line about a process that waits for a lock has `->` in this field, so it is not accepted.
@@ -45,6 +58,9 @@ mod tests {
         let memory = tempfile::tempfile_in(super::super::names::IMAGE_DIRECTORY).unwrap();
         memory.lock().unwrap();
         assert_eq!(holder_of(&memory), Some(std::process::id()));
+        assert!(is_held_by(&memory, std::process::id()));
+        memory.lock_shared().unwrap();
+        assert!(!is_held_by(&memory, std::process::id()), "a shared lock is not meant");
     }
 
     #[test]

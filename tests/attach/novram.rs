@@ -49,6 +49,37 @@ fn another_instance_on_the_same_directory_is_refused() {
     drop(Emulator::start(&arguments));
 }
 
+/// A program may remove the lock file. The first emulator that writes then has the directory.
+#[test]
+fn two_emulators_never_write_to_one_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["--novram", directory.path().to_str().unwrap()];
+    let lock = directory.path().join(".lock");
+    let mut first = Emulator::start(&arguments);
+    fs::remove_file(&lock).unwrap();
+    set_flag(&first, 7);
+    first.run("stop", &[]).ok();
+    assert_eq!(first.wait().code(), Some(0));
+    assert!(lock.exists());
+
+    let mut first = Emulator::start(&arguments);
+    fs::remove_file(&lock).unwrap();
+    let mut second = Emulator::start(&arguments);
+    set_flag(&first, 8);
+    let stopped = first.run("stop", &[]);
+    assert!(
+        stopped.fails(1).contains("could not write NOVRAM: the last changes are lost"),
+        "{}",
+        stopped.err
+    );
+    assert_eq!(first.wait().code(), Some(1));
+    let complaints = first.complaints();
+    assert!(complaints.contains("another emulator uses this directory"), "{complaints}");
+    assert_eq!(second.peek(&["%MB10000000"]), "16#07");
+    second.run("stop", &[]).ok();
+    assert_eq!(second.wait().code(), Some(0));
+}
+
 /// A directory with a pipe as NOVRAM file must not block the start.
 #[test]
 fn a_pipe_instead_of_a_file_is_refused_at_once() {

@@ -68,6 +68,16 @@ fn a_wrong_configuration_file_is_ignored_with_a_note() {
             "{}",
             outcome.err
         );
+        // The paths in the file count from the directory of the link, so the link decides, too.
+        let target = user.path().join("own.toml");
+        std::fs::rename(&own, &target).unwrap();
+        std::os::unix::fs::chown(&target, Some(0), None).unwrap();
+        std::os::unix::fs::symlink(&target, &own).unwrap();
+        assert_eq!(configured(directory.path(), user.path(), &["list"]).err, "");
+        std::os::unix::fs::lchown(&own, Some(65_534), None).unwrap();
+        let outcome = configured(directory.path(), user.path(), &["list"]);
+        let expected = "commram.toml is ignored: it is a link of another user";
+        assert!(outcome.err.contains(expected), "{}", outcome.err);
     }
 }
 

@@ -1,8 +1,8 @@
 //! Emulators and clients that are killed, stopped or damaged, and the files that they leave.
 
 use crate::common::{
-    Emulator, Outcome, eventually, files_of, finish, in_mount_namespace, promised, remove_remains, run, stat,
-    unique_name,
+    Emulator, Outcome, commram, eventually, files_of, finish, in_mount_namespace, promised, remove_remains,
+    run, stat, unique_name,
 };
 use std::io::{BufRead, BufReader, Write};
 use std::process::{ExitStatus, Stdio};
@@ -318,6 +318,48 @@ fn stop_in_another_pid_namespace_says_where_the_emulator_is() {
         assert!(outcome.fails(3).contains("the emulator runs in another PID namespace"), "{}", outcome.err);
     }
     emulator.signal("-CONT");
+}
+
+/// The files of an instance may name a process that has nothing to do with it, and the kernel may not show the holder of
+/// the locks.
+#[test]
+fn stop_signals_no_process_that_does_not_hold_the_locks() {
+    let mut emulator = Emulator::stepped();
+    let name = emulator.name.clone();
+    // Field 22 is the start time.
+    let bystander = "sleep 600 & other=$!
+        echo $other $(cut -d' ' -f22 /proc/$other/stat) >/dev/shm/commram.$COMMRAM_INSTANCE.iox.d/lock
+        $COMMRAM stop; code=$?
+        kill -0 $other || echo 'another process was ended'
+        kill -9 $other; exit $code";
+    emulator.signal("-STOP");
+    let mut shell = std::process::Command::new("unshare");
+    shell.args(["--pid", "--fork", "--mount-proc", "sh", "-c", bystander]);
+    shell.env("COMMRAM", commram().get_program()).env("COMMRAM_INSTANCE", &name);
+    let outcome = finish(&mut shell);
+    if outcome.err.contains("unshare: ") {
+        eprintln!("SKIPPED: no PID namespace: {}", outcome.err);
+    } else {
+        assert!(outcome.fails(3).contains("the emulator runs in another PID namespace"), "{}", outcome.err);
+        assert_eq!(outcome.out, "");
+    }
+    emulator.signal("-CONT");
+    // Without the table of locks, the emulator is found by its open files.
+    let hidden = format!("mount --bind /dev/null /proc/locks || exit 77\n{bystander}");
+    if let Some(outcome) = in_mount_namespace(&hidden, Some(&name)) {
+        assert_eq!(outcome.ok(), format!("instance '{name}' has stopped\n"));
+        assert_eq!(emulator.wait().code(), Some(0));
+    }
+    let mut emulator = Emulator::stepped();
+    emulator.signal("-STOP");
+    let hidden = "mount --bind /dev/null /proc/locks || exit 77; $COMMRAM stop";
+    match in_mount_namespace(hidden, Some(&emulator.name)) {
+        Some(outcome) => {
+            assert_eq!(outcome.ok(), format!("instance '{}' has stopped\n", emulator.name));
+            assert_eq!(emulator.wait().code(), Some(0));
+        }
+        None => emulator.signal("-CONT"),
+    }
 }
 
 fn continues_text(name: &str, pid: u32) -> String {

@@ -9,6 +9,7 @@ use crate::output_file;
 use crate::plural::plural;
 use crate::script::soak::{Round, RoundKind, shrink};
 use crate::script::{Outcome, Report};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -48,9 +49,7 @@ impl RoundRunner {
         keep: &Path,
         limits: LimitArgs,
     ) -> Result<Self, CliError> {
-        let directory = std::env::temp_dir().join(format!("commram-soak-{}", std::process::id()));
-        std::fs::create_dir(&directory)
-            .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
+        let directory = new_directory(&std::env::temp_dir())?;
         let setting = RunOptions { attach: None, device: None, limits, allow_empty: true };
         Ok(Self {
             exercises,
@@ -168,5 +167,34 @@ fn wrong(report: &Report) -> Option<String> {
         Outcome::Failed(failure) => Some(failure.what.clone()),
         Outcome::Broken(mistake) => Some(mistake.what.clone()),
         Outcome::Died(why) | Outcome::NotRun(why) => Some(why.clone()),
+    }
+}
+
+/// Creates a directory for this process only, in a directory that other users can write to.
+///
+/// # Errors
+/// The directory cannot be created.
+fn new_directory(parent: &Path) -> Result<PathBuf, CliError> {
+    loop {
+        // A killed process with this number, or another user, may have made a directory of the same name.
+        let name = format!("commram-soak-{}-{:08x}", std::process::id(), fastrand::u32(..));
+        let path = parent.join(name);
+        match std::fs::DirBuilder::new().mode(0o700).create(&path) {
+            Ok(()) => return Ok(path),
+            Err(reason) if reason.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(reason) => return Err(CliError::File { path, reason }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_directory_is_a_new_one() {
+        let parent = tempfile::tempdir().unwrap();
+        let [one, other] = [(); 2].map(|()| new_directory(parent.path()).unwrap());
+        assert!(one != other && one.is_dir() && other.is_dir());
     }
 }

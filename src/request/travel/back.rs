@@ -32,7 +32,9 @@ pub(in crate::request) fn back(
     }
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
-    let outcome = arrive(host, target, &here, detached).and_then(|()| go_on(host, &here, is_awaited));
+    let arrived = arrive(host, target, &here, detached);
+    // If the return must end early, the plant has not repeated the history completely. `arrived` is then wrong.
+    let outcome = go_on(host, &here, is_awaited).and(arrived);
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -98,8 +100,8 @@ fn find_back<T>(
         // A condition that is true at power-on became true there. At another earliest moment it may have been true before.
         let is_power_on = place == 0 && first == (0, true);
         if let Some(target) = found.or(is_power_on.then_some(0)) {
-            arrive(host, target, &here, detached)?;
-            go_on(host, &here, is_awaited)?;
+            let arrived = arrive(host, target, &here, detached);
+            go_on(host, &here, is_awaited).and(arrived)?;
             if let Some(found) = look(host)? {
                 return Ok(found);
             }

@@ -32,7 +32,7 @@ pub struct Directory {
     path: PathBuf,
     open: directory::Directory,
     /// The lock file; its lock is released when the file is closed.
-    _lock: File,
+    lock: File,
 }
 
 impl Directory {
@@ -70,7 +70,7 @@ impl Directory {
         let since = Instant::now();
         loop {
             match directory::writing::try_lock(&lock) {
-                Ok(true) => return Ok(Directory { path: path.to_owned(), open, _lock: lock }),
+                Ok(true) => return Ok(Directory { path: path.to_owned(), open, lock }),
                 Ok(false) if since.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(1)),
                 Ok(false) => return Err(NovramError::InUse { path: path.to_owned() }),
                 Err(error) => return Err(failed("lock this directory")(error)),
@@ -104,14 +104,21 @@ impl Directory {
     }
 
     /// Replaces the file of this name: writes a new file, syncs it, renames it and syncs the directory. After an error,
-    /// the new file is removed. A missing directory is created again.
+    /// the new file is removed. A missing directory is created again. If another program has removed or replaced the lock
+    /// file, the directory is locked again, and [`NovramError::InUse`] is the error if another emulator has it.
     pub(super) fn replace(&mut self, name: &str, bytes: &[u8]) -> Result<(), NovramError> {
-        let mut result = self.try_replace(name, bytes);
-        if result.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+        if !self.has_lock() {
             *self = Self::open(&self.path)?;
-            result = self.try_replace(name, bytes);
         }
-        result.map_err(self.failed(name, "write it"))
+        self.try_replace(name, bytes).map_err(self.failed(name, "write it"))
+    }
+
+    /// True if the file with this emulator's lock is still the lock file of the directory.
+    fn has_lock(&self) -> bool {
+        match (rustix::fs::fstat(&self.lock), self.open.stat_of(LOCK)) {
+            (Ok(own), Ok(named)) => (own.st_dev, own.st_ino) == (named.st_dev, named.st_ino),
+            _ => false,
+        }
     }
 
     /// Checks that a file with this content can be written, without any change.
