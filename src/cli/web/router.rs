@@ -45,15 +45,36 @@ pub(super) fn router(app: Arc<App>) -> Router {
 }
 
 async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let mut response = match app.guard.check(&request) {
-        Ok(()) => next.run(request).await,
+    let mut has_unread_body = request.body().size_hint().exact() != Some(0);
+    let received = match app.guard.check(&request) {
+        // Without a token, only a short body is read, by the handler.
+        Ok(()) if request.uri().path() == session::PATH => Ok(request),
+        Ok(()) => receive(request).await.inspect(|_| has_unread_body = false),
+        Err(problem) => Err(problem),
+    };
+    let mut response = match received {
+        Ok(request) => next.run(request).await,
         Err(problem) => problem.into_response(),
     };
     if is_plain_error(&response) {
         response = plain_problem(response).await.into_response();
     }
+    if has_unread_body && !response.status().is_success() {
+        // The rest of the body would be the begin of the next request, so the connection ends (RFC 9112, 9.6).
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     guard::protect(response.headers_mut());
     response
+}
+
+/// Receives the body of a request, so that the connection can be used again even if a handler does not use the body.
+///
+/// # Errors
+/// The body is too large, arrives too slowly, or is malformed.
+async fn receive(request: Request) -> Result<Request, Problem> {
+    let (head, body) = request.into_parts();
+    let bytes = bytes_within(Request::new(body), MAX_BODY).await?;
+    Ok(Request::from_parts(head, Body::from(bytes)))
 }
 
 /// True if axum itself produced the error, for example for a path that is not UTF-8.
@@ -179,7 +200,16 @@ pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Prob
 ///
 /// # Errors
 /// Returns the errors of [`body_of`].
-pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<String, Value>, Problem> {
+pub(super) async fn body_within(request: Request, max: usize) -> Result<Map<String, Value>, Problem> {
+    let bytes = bytes_within(request, max).await?;
+    if bytes.is_empty() {
+        return Ok(Map::new());
+    }
+    json_of(&bytes)
+}
+
+/// Receives at most `max` bytes of a body.
+async fn bytes_within(mut request: Request, max: usize) -> Result<Bytes, Problem> {
     let too_large = || {
         Problem::new(
             StatusCode::PAYLOAD_TOO_LARGE,
@@ -193,14 +223,10 @@ pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<
     DefaultBodyLimit::max(max).apply(&mut request);
     let read = tokio::time::timeout(BODY_TIME, request.extract::<Bytes, _>());
     let late = |_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow", "the body did not arrive in time");
-    let bytes = read.await.map_err(late)?.map_err(|rejection| match rejection.status() {
+    read.await.map_err(late)?.map_err(|rejection| match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => too_large(),
         _ => Problem::wrong_use("the body was cut off, or its chunks are malformed"),
-    })?;
-    if bytes.is_empty() {
-        return Ok(Map::new());
-    }
-    json_of(&bytes)
+    })
 }
 
 /// Parses a text in JSON as an object in which no name occurs twice.
