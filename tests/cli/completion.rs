@@ -68,6 +68,32 @@ fn running_instances_their_plcs_and_buses_are_completed() {
     assert!(completed(&["test", "--attach", &name[..2]]).contains(&name.to_owned()));
 }
 
+/// A suspended emulator keeps other clients for 10 s.
+#[test]
+fn an_emulator_that_does_not_answer_does_not_hold_up_completions() {
+    let place = tempfile::tempdir().unwrap();
+    let plant = place.path().join("two.toml");
+    std::fs::write(&plant, "[[plc]]\nname = 'one'\n[[plc]]\nname = 'two'\n").unwrap();
+    let two = [plant.to_str().unwrap(), "--clock", "stepped"];
+    for args in [&["--clock", "stepped"][..], &two] {
+        let emulator = Emulator::start(args);
+        let name = emulator.name.as_str();
+        emulator.signal("-STOP");
+        let start = std::time::Instant::now();
+        let found = [
+            completed(&["bus", "open", "-i", name, ""]),
+            completed(&["drive", "show", "-i", name, ""]),
+            completed(&["drive", "set", "-i", name, "drive1", "P"]),
+            completed(&["fault", "add", "lose_frame", "-i", name, "bus="]),
+            completed(&["fault", "clear", "-i", name, "1"]),
+        ];
+        let took = start.elapsed();
+        emulator.signal("-CONT");
+        assert!(found.iter().all(|names| names.iter().all(|name| name.starts_with('-'))), "{found:?}");
+        assert!(took < std::time::Duration::from_secs(9), "{took:?}");
+    }
+}
+
 /// A running instance does not matter to a command that names another device.
 #[test]
 fn registers_of_the_device_on_the_command_line_are_completed() {

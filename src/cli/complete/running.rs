@@ -1,26 +1,31 @@
-//! Completions from a running emulator. The lists are empty if it does not run or does not answer.
+//! Completions from a running emulator. The lists are empty if it does not run or does not answer at once: the shell of the
+//! user waits for them.
 
 use super::line::instance;
-use crate::cli::{Instance, error::CliError, session::Session};
+use crate::cli::{error::CliError, session::Session};
+use std::time::Duration;
+
+/// Longest wait for an emulator.
+const PATIENCE: Duration = Duration::from_millis(300);
 
 fn session() -> Result<Session, CliError> {
-    Session::open(&Instance::running(&instance()), 0)
+    Session::open_within(&instance(), PATIENCE)
 }
 
 pub(super) fn known_buses() -> Vec<String> {
-    let info = session().and_then(Session::into_client).ok().and_then(|client| client.info().ok());
+    let info = session().and_then(|session| session.info());
     info.map(|info| info.names.buses).unwrap_or_default()
 }
 
 pub(super) fn known_faults() -> Vec<(String, String)> {
     use crate::request::Op;
-    let Ok(session) = session() else { return Vec::new() };
-    let (Ok(info), Ok(faults)) = (session.ask(Op::Info), session.ask(Op::FaultList)) else {
+    let Ok(replies) = session().and_then(|session| session.request(&[Op::Info, Op::FaultList])) else {
         return Vec::new();
     };
-    let names = info.info().map(|info| info.names).unwrap_or_default();
-    let faults = faults.faults().unwrap_or_default().into_iter();
-    faults.map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
+    let mut replies = replies.into_iter();
+    let names = replies.next().and_then(|info| Some(info.info().ok()?.names)).unwrap_or_default();
+    let faults = replies.next().and_then(|faults| faults.faults().ok()).unwrap_or_default();
+    faults.into_iter().map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
 }
 
 /// Returns the drives with their states.

@@ -37,14 +37,30 @@ impl Session {
         })
     }
 
+    /// Opens a running instance for requests that take no emulated time. Waits at most `limit` for the channel, and for each
+    /// reply.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Session::open`].
+    pub(crate) fn open_within(instance: &str, limit: Duration) -> Result<Self, CliError> {
+        let patience = |_| Patience { enter_limit: limit, reply: limit, ..Patience::default() };
+        Self::connect_to(instance, &images_of(instance)?, patience)
+    }
+
     pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
-        Self::connect_to(instance, images, waits_us).map_err(|error| match taken_from(instance, images) {
+        let patience = |slowed| Patience { reply: patience(waits_us, slowed), ..Patience::default() };
+        Self::connect_to(instance, images, patience).map_err(|error| match taken_from(instance, images) {
             Some(pid) => CliError::Dead { instance: instance.to_owned(), pid },
             None => error,
         })
     }
 
-    fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
+    /// Connects with the patience for a clock of which a second takes the real time that is passed to `patience`.
+    fn connect_to(
+        instance: &str,
+        images: &[ImageInfo],
+        patience: impl FnOnce(f64) -> Patience,
+    ) -> Result<Self, CliError> {
         let (attached, layout) = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
         // If the instance has a single PLC, its header page has all names, so no request is needed. But if a new
@@ -56,7 +72,7 @@ impl Session {
             }
             _ => None,
         };
-        let patience = Patience { reply: patience(waits_us, slowed), ..Patience::default() };
+        let patience = patience(slowed);
         let bells = Box::new(HeaderBells::of_client(attached)?);
         let client = Client::connect(instance, &channel_root(instance)?, bells, patience);
         let client = Box::new(client.map_err(|error| match error {
