@@ -322,8 +322,13 @@ errors! {
     #[error("{0}")]
     Fmu(Box<crate::fmi::ArchiveError>) => Exit::WrongUse,
     /// No connections can be accepted at an address.
-    #[error("cannot listen at {address}: {reason}{}; `--listen 127.0.0.1:0` selects a free port", limits::named(.reason))]
-    Listen { address: std::net::SocketAddr, reason: io::Error } => Exit::NotThere,
+    #[error("cannot listen at {address}: {reason}{}; `{option}127.0.0.1:0` selects a free port", limits::named(.reason))]
+    Listen {
+        address: std::net::SocketAddr,
+        reason: io::Error,
+        /// The option of the user's command that selects an address.
+        option: &'static str,
+    } => Exit::NotThere,
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
     Process { reason: io::Error } => Exit::NotThere,

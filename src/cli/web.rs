@@ -11,6 +11,7 @@ mod hub;
 mod link;
 mod openapi;
 mod operations;
+mod predecessor;
 mod problem;
 mod router;
 mod scenario;
@@ -130,13 +131,19 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let _ = limits::allow_files(0, connections::WISHED_FILES);
     let served = if args.all { Served::All } else { Served::One(args.instance.name().to_owned()) };
     let ending = ending::Ending::watch(&served, &args.instance)?;
-    let refused = |reason| CliError::Listen { address: args.listen, reason };
-    let listener = TcpListener::bind(args.listen).map_err(refused)?;
+    // Only `run --web` starts a server with this option.
+    let option = if args.parent.is_some() { "--web=" } else { "--listen " };
+    let refused = |reason| CliError::Listen { address: args.listen, reason, option };
+    let listener = match &served {
+        Served::One(name) => predecessor::bind(name, args.listen),
+        Served::All => TcpListener::bind(args.listen),
+    };
+    let listener = listener.map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
     let random = || Secret::random().map_err(|reason| CliError::Process { reason });
     let token = random()?;
     let name = match &served {
-        Served::One(name) => format!("{name}-{}", address.port()),
+        Served::One(name) => secret::file_name(name, address.port()),
         // No instance can have this name.
         Served::All => format!("+all-{}", address.port()),
     };

@@ -75,6 +75,27 @@ impl EmulatorProcess {
         Self::holding(&image.file, signed)
     }
 
+    /// Returns the process that has locked `file` according to the kernel.
+    ///
+    /// # Errors
+    /// The operating system refuses the operation.
+    #[cfg(feature = "cli")]
+    pub(crate) fn holding_lock(file: &File) -> Result<Option<Self>, MemoryError> {
+        Self::holding(file, None)
+    }
+
+    /// True if this process was started before the other one.
+    #[cfg(feature = "cli")]
+    pub(crate) fn is_older_than(&self, other: &Self) -> bool {
+        self.id.start < other.id.start
+    }
+
+    /// True if the process is stopped (SIGSTOP).
+    #[cfg(feature = "cli")]
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.id.is_stopped()
+    }
+
     fn pin(id: ProcessId) -> Result<Option<Self>, MemoryError> {
         let Some(pid) = i32::try_from(id.pid).ok().and_then(Pid::from_raw) else { return Ok(None) };
         let descriptor = match rustix::process::pidfd_open(pid, PidfdFlags::empty()) {

@@ -159,13 +159,20 @@ fn signal(name: &str, pid: u32) {
 
 /// Starts a stepped emulator with a server, and waits until both are ready. Returns name, process and further lines.
 fn emulator_with_server(runtime: &Path) -> (String, Child, Lines<BufReader<ChildStdout>>) {
+    let (name, child, mut lines) = emulator_with_address(runtime);
+    assert!(lines.next().unwrap().is_ok());
+    (name, child, lines)
+}
+
+/// Does the same, but leaves the line with the address of the server unread.
+fn emulator_with_address(runtime: &Path) -> (String, Child, Lines<BufReader<ChildStdout>>) {
     let name = unique_name();
     let mut command = commram();
     command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
     command.env("XDG_RUNTIME_DIR", runtime).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    assert!(lines.next().unwrap().is_ok());
     (name, child, lines)
 }
 
@@ -250,6 +257,62 @@ fn an_emulator_does_not_start_without_its_server() {
         child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(3), "{message}");
         assert!(message.contains(&format!("cannot listen at {address}")), "{message}");
+        assert!(message.contains("`--web=127.0.0.1:0` selects a free port"), "{message}");
         assert!(crate::common::files_of(&name).is_empty());
     }
+}
+
+/// Returns the command that starts an emulator with a server.
+fn with_server(name: &str, web: &str) -> Command {
+    let mut command = commram();
+    command.args(["run", "--clock", "stepped", "--detach", "-i", name, web]);
+    command
+}
+
+/// The server of a killed emulator ends a moment later; if it is suspended, only when the next emulator continues it.
+#[test]
+fn the_next_emulator_waits_for_the_server_of_a_killed_one() {
+    let runtime = tempfile::tempdir().unwrap();
+    for is_suspended in [false, true] {
+        let (name, mut child, mut lines) = emulator_with_address(runtime.path());
+        let line = lines.next().unwrap().unwrap();
+        let address = line.split_once("http://").unwrap().1.split_once("/#").unwrap().0.to_owned();
+        let server = child_of(child.id());
+        if is_suspended {
+            signal("-STOP", server);
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let web = format!("--web={address}");
+        let outcome = finish(with_server(&name, &web).env("XDG_RUNTIME_DIR", runtime.path()));
+        let page = format!("http://{address}/#token=");
+        assert!(outcome.code == Some(0) && outcome.out.contains(&page), "{outcome:?}");
+        let has_ended = || !Path::new(&format!("/proc/{server}/exe")).exists();
+        assert!(eventually(has_ended), "the server of the killed emulator remains");
+        assert_eq!(finish(commram().args(["stop", "-i", &name])).code, Some(0));
+        assert!(eventually(|| std::fs::read_dir(runtime.path()).unwrap().count() == 0));
+    }
+}
+
+/// A suspended server that the user has started keeps the port, and gets no signal.
+#[test]
+fn the_next_emulator_signals_no_server_that_an_emulator_has_not_started() {
+    let runtime = tempfile::tempdir().unwrap();
+    let name = unique_name();
+    let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);
+    let mut command = emulator.command("web", &["--listen", "127.0.0.1:0"]);
+    command.env("XDG_RUNTIME_DIR", runtime.path()).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut server = command.spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split_once("http://").unwrap().1.split_once("/#").unwrap().0.to_owned();
+    signal("-STOP", server.id());
+    drop(emulator);
+    let web = format!("--web={address}");
+    let outcome = finish(with_server(&name, &web).env("XDG_RUNTIME_DIR", runtime.path()));
+    assert!(outcome.fails(3).contains("cannot listen at"), "{outcome:?}");
+    let state = std::fs::read_to_string(format!("/proc/{}/stat", server.id())).unwrap();
+    assert_eq!(state.rsplit(") ").next().unwrap().chars().next(), Some('T'), "{state}");
+    server.kill().unwrap();
+    server.wait().unwrap();
 }

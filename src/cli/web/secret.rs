@@ -2,8 +2,8 @@
 //! file that only its owner can read.
 
 use crate::cli::error::CliError;
-use crate::memory::MemoryError;
 use crate::memory::private::PrivateDir;
+use crate::memory::{EmulatorProcess, MemoryError};
 use rustix::rand::{GetRandomFlags, getrandom};
 use std::fmt::Write as _;
 use std::fs::{File, OpenOptions};
@@ -119,6 +119,32 @@ impl Drop for TokenFile {
             directory.remove_if_empty();
         }
     }
+}
+
+/// Returns the name of the token's file for the server of an instance. If there are several servers, the names of further
+/// files begin with this name and a hyphen.
+pub(super) fn file_name(instance: &str, port: u16) -> String {
+    format!("{instance}-{port}")
+}
+
+/// Returns the processes that serve an instance at a port, at any address, with a token file in the directory for tokens.
+/// Errors are ignored: servers that cannot be found are left out.
+pub(super) fn servers_of(instance: &str, port: u16) -> Vec<EmulatorProcess> {
+    let path = directory();
+    let (Ok(Some(directory)), Ok(entries)) = (PrivateDir::open(&path), std::fs::read_dir(&path)) else {
+        return Vec::new();
+    };
+    let first = file_name(instance, port);
+    let is_of_it = |name: &str| {
+        let number = name.strip_prefix(&first).map(|rest| rest.strip_prefix('-').unwrap_or(rest));
+        number.is_some_and(|number| number.bytes().all(|digit| digit.is_ascii_digit()))
+    };
+    let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let holder = |name: String| {
+        let file = directory.find_file(&name).ok()??;
+        EmulatorProcess::holding_lock(&file).ok()?
+    };
+    names.filter(|name| is_of_it(name)).filter_map(holder).collect()
 }
 
 /// Removes the token files of killed servers.

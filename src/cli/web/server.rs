@@ -58,6 +58,8 @@ pub(super) fn serve(
             // An error means that the sender was dropped; this also ends the server.
             _ = end.wait_for(|ends| *ends) => {}
         }
+        // The server of the next emulator can take the port at once.
+        drop(listener);
         tokio::time::sleep(LAST_WORDS).await;
         Ok::<(), CliError>(())
     })?;
