@@ -5,6 +5,7 @@
 //! call and no allocation for a request.
 
 mod error;
+mod followers;
 mod opening;
 mod watch;
 
@@ -21,6 +22,7 @@ use super::wire::{Block, WireOp};
 use super::{Bells, EventNotifier};
 use crate::memory::limits;
 use crate::request::{Host, Refused};
+use followers::{Followers, LastRequest};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::{UniqueClientId, UniqueNodeId};
 use iceoryx2::prelude::{CallbackProgression, Node, PortFactory};
@@ -61,6 +63,7 @@ pub struct Server {
     /// before the port, because requests refer to the port.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
+    followers: Followers,
     /// The server's port; `None` only while the server is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
@@ -110,6 +113,7 @@ impl Server {
         let server = Self {
             waiting: Vec::new(),
             departed: DeadClients::default(),
+            followers: Followers::default(),
             port: Some(port),
             service: Some(service),
             node: Some(node),
@@ -273,6 +277,8 @@ impl Server {
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset(request.origin().value());
             self.make_room(host, &request);
+            let present = || clients_of(self.service.as_ref(), |_| true);
+            self.followers.note(request.origin().value(), request.payload(), MAX_CLIENTS, present);
             if Run::asks_to_end(request.payload()) {
                 run.set_process(self.process_of(request.origin()));
             }
@@ -308,22 +314,43 @@ impl Server {
         }
     }
 
-    /// Ends the channel of `host`: answers all requests in progress with
-    /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are
-    /// still connected.
-    pub fn close(mut self, host: &dyn Host) {
-        self.domain.withdraw();
+    /// True if a client that follows the journal or changes has not read the rest yet. `since` is the time at which the
+    /// clock has ended. Clients that have read nothing for a while before it do not count.
+    pub fn is_followed(&self, since: Instant) -> bool {
+        self.followers.are_waiting(&self.clients(|_| true), since)
+    }
+
+    /// Called in place of [`Server::poll`] after the clock has ended. Lets clients that follow the journal or changes read
+    /// the rest, and answers all other requests, also those in progress, with
+    /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN). Returns the number of answered requests.
+    pub fn poll_followers(&mut self, host: &mut dyn Host) -> usize {
         let ending = Refused::ending(host);
         for (request, mut run) in std::mem::take(&mut self.waiting) {
             run.abort(&ending);
             answer(request, &run, &*self.bells);
         }
-        for _ in 0..MAX_PER_POLL {
+        let mut answered = 0;
+        while answered < MAX_PER_POLL {
             let Some(request) = self.next_request() else { break };
+            let (client, ops) = (request.origin().value(), request.payload());
+            let (_, changes_end) = host.plant_mut().changes_for(client, u64::MAX, 0);
             let mut run = Run::default();
-            run.abort(&ending);
+            run.reset(client);
+            let judged = self.followers.judge_last(client, ops, host.plant().journal(), changes_end);
+            if judged == LastRequest::Refused || run.look(host, ops) == Progress::Waiting {
+                run.abort(&ending);
+            }
             answer(request, &run, &*self.bells);
+            answered += 1;
         }
+        answered
+    }
+
+    /// Ends the channel of `host`: answers all requests that have arrived, and removes the domain's files. Clients that are
+    /// still connected lose their connection.
+    pub fn close(mut self, host: &mut dyn Host) {
+        self.domain.withdraw();
+        self.poll_followers(host);
     }
 }
 

@@ -27,31 +27,47 @@ pub(crate) enum PollResult<T> {
     Answered(T),
     /// The emulator does not answer now, because another client advances the stepped clock.
     Later,
-    /// The emulator has ended.
+    /// The emulator has ended, and this command has everything.
     Ended,
+    /// The emulator has ended, and its last records or changes may be missing.
+    CutOff,
 }
 
 impl<T> PollResult<T> {
-    /// Converts a result. Prints a note if the emulator of `instance` has ended.
+    /// Converts the result of a read of records or changes, which `what` names. Prints a note if the emulator of `instance`
+    /// has ended.
     ///
     /// # Errors
     /// Any other error.
-    pub(crate) fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
+    pub(crate) fn of(result: Result<T, CliError>, instance: &str, what: &str) -> Result<Self, CliError> {
         match result {
             Ok(seen) => Ok(PollResult::Answered(seen)),
             Err(CliError::Client(ClientError::Timeout { .. }) | CliError::Busy { .. }) => {
                 Ok(PollResult::Later)
             }
             Err(CliError::Client(ClientError::EmulatorGone { .. })) => {
-                output::note(&format!("instance '{instance}' has ended"));
-                Ok(PollResult::Ended)
+                output::note(&format!("instance '{instance}' has ended; its last {what} may be missing"));
+                Ok(PollResult::CutOff)
             }
-            Err(CliError::Client(ClientError::Refused(refused))) if refused.code == Code::SHUTTING_DOWN => {
-                output::note(&refused.text);
-                Ok(PollResult::Ended)
-            }
-            Err(error) => Err(error),
+            Err(error) => match last_words(&error) {
+                Some(reason) => {
+                    output::note(reason);
+                    Ok(PollResult::Ended)
+                }
+                None => Err(error),
+            },
         }
+    }
+}
+
+/// The answer of an emulator that ends to a client that has read all records and changes: the reason for the end. `None` if
+/// the error has another cause.
+pub(crate) fn last_words(error: &CliError) -> Option<&str> {
+    match error {
+        CliError::Client(ClientError::Refused(refused)) if refused.code == Code::SHUTTING_DOWN => {
+            Some(&refused.text)
+        }
+        _ => None,
     }
 }
 

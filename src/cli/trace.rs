@@ -35,7 +35,7 @@ Examples:
   commram trace --format fst >run.fst                        # gtkwave run.fst
 
 --follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when its reader closes the output. \
-Events in the last 50 ms of the emulator may be missing. docs/reference/journal.md describes the formats.")]
+A note says so if the last records before this end may be missing. docs/reference/journal.md describes the formats.")]
 pub(crate) struct Args {
     /// Wait for further records and show them as they arrive
     #[arg(short, long)]

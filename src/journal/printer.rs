@@ -119,6 +119,13 @@ impl<Out> Printer<Out> {
         untold
     }
 
+    /// Appends a note about the missing records before record number `end`, which cannot be read any more, if there are any.
+    /// Returns their number if the format cannot express such a note, otherwise 0.
+    pub fn miss(&mut self, end: u64, out: &mut Out) -> u64 {
+        let lost = std::mem::take(&mut self.lost) + end.saturating_sub(self.next);
+        if lost == 0 || self.format.gap(lost, out) { 0 } else { lost }
+    }
+
     /// Ends the output: appends the text that the format has held back.
     pub fn end(&mut self, out: &mut Out) {
         self.format.end(out);

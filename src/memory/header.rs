@@ -173,7 +173,7 @@ codes! {
         Starting = 1,
         /// Registers have their start values and the firmware runs.
         Ready = 2,
-        /// The emulator is shutting down. It answers no requests.
+        /// The emulator is shutting down. It answers no requests, except of clients that read the rest of the journal.
         Stopping = 3,
         /// The emulator has ended and will remove the file immediately.
         Stopped = 4,

@@ -1,11 +1,12 @@
-//! The end of commands that follow an instance, if their output is not read or their terminal is closed.
+//! The end of commands that follow an instance: after the end of the emulator, and if their output is not read or their
+//! terminal is closed.
 
-use crate::common::{Emulator, commram, eventually, wait_for};
+use crate::common::{Emulator, Follower, commram, eventually, finish, unique_name, wait_for};
 use crate::scenarios::Scripts;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::fs::File;
-use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write};
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Read, Write};
 use std::os::fd::OwnedFd;
 use std::process::{Child, Command, Stdio};
 
@@ -124,4 +125,102 @@ fn a_closed_terminal_ends_a_command_like_a_signal() {
             assert_eq!(wait_for(&mut child, "a command").code(), Some(130), "{command:?} {is_writing}");
         }
     }
+}
+
+/// Number of rounds of a test that would often pass by chance.
+const ROUNDS: u32 = 6;
+const VALUES: [&str; 8] = ["1", "2", "3", "4", "5", "6", "7", "8"];
+
+/// Writes the values into a register, each by one command.
+fn write_values(emulator: &Emulator) {
+    VALUES.iter().for_each(|value| emulator.poke(&[&format!("node2.b_AC={value}")]));
+}
+
+/// Checks the output of a follower whose emulator has ended: all values, and no note about missing ones.
+#[track_caller]
+fn assert_complete(follower: Follower, what: &str) {
+    let (code, lines, err) = follower.end();
+    let written = lines.iter().filter(|line| line.contains("node2.b_AC")).count();
+    assert_eq!((code, written), (Some(0), VALUES.len()), "{what}: {lines:?} {err}");
+    assert!(err.contains("is ending") && !err.contains("may be missing"), "{what}: {err}");
+}
+
+#[test]
+fn a_command_that_follows_reads_everything_before_the_end_of_the_emulator() {
+    for round in 0..ROUNDS {
+        for clock in ["stepped", "realtime"] {
+            let mut emulator = Emulator::start(&["--clock", clock]);
+            emulator.poke(&["node1.b_AC=1"]);
+            let mut trace = Follower::start(&emulator, "trace", &["--follow", "--format", "jsonl"]);
+            trace.line();
+            let mut watch = Follower::start(&emulator, "watch", &["node2.b_AC", "--format", "jsonl"]);
+            assert!(watch.note().contains("watching"));
+            write_values(&emulator);
+            if round % 2 == 0 {
+                emulator.run("stop", &[]).ok();
+            } else {
+                emulator.signal("-TERM");
+            }
+            assert_eq!(emulator.wait().code(), Some(0));
+            assert_complete(trace, "trace");
+            assert_complete(watch, "watch");
+        }
+    }
+}
+
+#[test]
+fn a_command_that_follows_reads_everything_before_the_end_of_a_command_or_parent() {
+    const WRITES: &str = "for value in 1 2 3 4 5 6 7 8; do $COMMRAM poke -i $NAME node2.b_AC=$value; done";
+    const FOLLOWS: &str = "$COMMRAM poke -i $NAME node1.b_AC=1; $COMMRAM trace --follow --format jsonl -i $NAME >$OUT & trace=$!
+        until grep -qs seq $OUT; do sleep 0.01; done";
+    let name = unique_name();
+    let with_command = format!(
+        "mkfifo $OUT.go; $COMMRAM with --clock stepped -i $NAME -- sh -c 'read go <$OUT.go; {WRITES}' & with=$!
+        until $COMMRAM status -i $NAME >/dev/null 2>&1; do sleep 0.01; done
+        {FOLLOWS}; echo go >$OUT.go; wait $with; wait $trace; rm $OUT.go"
+    );
+    let with_parent = format!(
+        "sh -c '$COMMRAM run --parent $$ -i $NAME --clock stepped; :' >/dev/null & parent=$!
+        until $COMMRAM status -i $NAME >/dev/null 2>&1; do sleep 0.01; done
+        {FOLLOWS}; {WRITES}; kill -KILL $parent; wait $trace"
+    );
+    for _ in 0..ROUNDS / 2 {
+        for script in [&with_command, &with_parent] {
+            let place = tempfile::tempdir().unwrap();
+            let out = place.path().join("out");
+            let mut shell = Command::new("sh");
+            shell.args(["-c", script]).env("COMMRAM", commram().get_program());
+            let outcome = finish(shell.env("NAME", &name).env("OUT", &out));
+            let lines = std::fs::read_to_string(&out).unwrap();
+            assert_eq!(lines.matches("node2.b_AC").count(), VALUES.len(), "{outcome:?} {lines}");
+            assert!(!outcome.err.contains("may be missing"), "{}", outcome.err);
+        }
+    }
+}
+
+/// Starts `trace --follow` with an output that is not read, and writes more records than the output takes.
+fn blocked_trace(emulator: &Emulator) -> (PipeReader, Child) {
+    let (reader, writer) = full_pipe();
+    let mut command = emulator.command("trace", &["--follow", "--format", "jsonl"]);
+    let child = command.stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+    emulator.poke(&vec!["node2.b_AC=1"; 200]);
+    assert!(eventually(|| is_blocked_by_output(&child)));
+    emulator.poke(&vec!["node2.b_AC=2"; 200]);
+    (reader, child)
+}
+
+#[test]
+fn a_command_that_is_late_reports_that_the_end_may_be_missing() {
+    let mut emulator = Emulator::stepped();
+    let (mut reader, mut child) = blocked_trace(&emulator);
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    let mut out = Vec::new();
+    reader.read_to_end(&mut out).unwrap();
+    assert_eq!(wait_for(&mut child, "trace").code(), Some(0));
+    assert_eq!(String::from_utf8_lossy(&out).matches("node2.b_AC").count(), 200);
+    let mut err = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+    let note = format!("instance '{}' has ended; its last records may be missing", emulator.name);
+    assert!(err.contains(&note), "{err}");
 }

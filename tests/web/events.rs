@@ -182,3 +182,39 @@ fn the_limit_of_registers_counts_both_lists() {
     let mut events = server.events(&format!("follow={}&values={}&clock=1", names(128), names(128)));
     events.until("clock", |_| true);
 }
+
+#[test]
+fn a_reader_gets_everything_before_the_end_of_the_emulator() {
+    for _ in 0..6 {
+        let emulator = Emulator::stepped();
+        let server = Server::of(&emulator, &[]);
+        let mut events = server.events("journal=1&clock=1&follow=node2.b_AC");
+        events.until("clock", |_| true);
+        for value in 1..=8 {
+            emulator.poke(&[&format!("node2.b_AC={value}")]);
+        }
+        emulator.run("stop", &[]).ok();
+        let (mut records, mut changes) = (0, 0);
+        let end = loop {
+            let (name, data) = events.next().expect("the event `ended`");
+            match name.as_str() {
+                "journal" => records += data["records"].as_array().unwrap().len(),
+                "changes" => changes += data["changes"].as_array().unwrap().len(),
+                "ended" => break data,
+                _ => assert_ne!(name, "lost"),
+            }
+        };
+        assert_eq!((records, changes, &end["complete"]), (8, 8, &json!(true)), "{end}");
+        assert_eq!(events.next(), None);
+    }
+}
+
+#[test]
+fn a_killed_emulator_does_not_tell_whether_records_are_missing() {
+    let mut emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut events = server.events("journal=1&clock=1");
+    events.until("clock", |_| true);
+    emulator.kill();
+    assert_eq!(events.until("ended", |_| true)["complete"], false);
+}

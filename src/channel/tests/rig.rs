@@ -196,7 +196,7 @@ pub(crate) fn serve(place: &InstanceFiles, mut host: TestHost) {
             bells.wait_doorbell(seen, Duration::from_millis(50));
         }
     }
-    server.close(&host);
+    server.close(&mut host);
 }
 
 /// A server in a separate thread; ended on drop.

@@ -86,7 +86,7 @@ fn with_frozen_server(client: impl FnOnce(&InstanceFiles) + Send) -> (usize, usi
     });
     server.poll(&mut host);
     let left = server.waiting();
-    server.close(&host);
+    server.close(&mut host);
     assert!(place.remains().is_empty(), "{:?}", place.remains());
     (most_waiting, left)
 }

@@ -112,6 +112,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
         out: LineBuffer { lines: VecDeque::new(), keep: args.last, page: is_paged(args).then(Vec::new) },
         counting: Vec::new(),
         turn: None,
+        known_end: 0,
         held: is_ordered(args).then(Vec::new),
         is_folded: args.is_folded(),
     };
@@ -145,6 +146,8 @@ struct Trace<'a, T> {
     counting: Vec<Record>,
     /// The history that was read last.
     turn: Option<u16>,
+    /// The number that the next record had when the emulator was asked last.
+    known_end: u64,
     /// The records that were read so far; they are printed at the end in another order. `None` if records are printed
     /// as they are read. The number beside a record counts the missing records before it; a record without a number is
     /// not printed, because the user did not select it.
@@ -164,7 +167,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     fn follow(mut self, instance: &str) -> Result<(), CliError> {
         let mut pause = Pause::new()?;
         loop {
-            match PollResult::of(self.read(), instance)? {
+            match PollResult::of(self.read(), instance, "records")? {
                 PollResult::Answered(records) => {
                     if records == 0 {
                         self.release_folded();
@@ -173,6 +176,10 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 }
                 PollResult::Later => {}
                 PollResult::Ended => return self.end(),
+                PollResult::CutOff => {
+                    self.note_missing_end();
+                    return self.end();
+                }
             }
             match pause.wait()? {
                 PauseEnd::Time => {}
@@ -185,6 +192,16 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         }
     }
 
+    /// Prints how many records the emulator had at least, when it was asked last, after the last record that was read.
+    fn note_missing_end(&mut self) {
+        let mut line = T::default();
+        let untold = self.printer.miss(self.known_end, &mut line);
+        if untold > 0 {
+            output::note(&format!("{} lost at the end", plural(untold, "record")));
+        }
+        self.out.push(line);
+    }
+
     /// Reads up to the end of the journal and prints it. Returns the number of records.
     fn read(&mut self) -> Result<usize, CliError> {
         let mut count = 0;
@@ -193,6 +210,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
             let reply = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?;
             let part = reply.journal_part()?;
             let turn = part.turn;
+            self.known_end = part.end;
             self.counting.clear();
             if self.turn.replace(turn.number).is_some_and(|known| known != turn.number) {
                 self.out.flush()?;

@@ -52,11 +52,8 @@ fn show(args: &Args) -> Result<(), CliError> {
             PauseEnd::Signal => return Err(CliError::Ended(Exit::Interrupted.code())),
             PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
         }
-        let mut changes = match PollResult::of(read(&session, &mut from, &mut turn), args.instance.name())? {
-            PollResult::Answered(changes) => changes,
-            PollResult::Later => continue,
-            PollResult::Ended => return Ok(()),
-        };
+        let mut changes = Vec::new();
+        let outcome = read(&session, &mut from, &mut turn, &mut changes);
         changes
             .retain_mut(|change| watched(&stretches, &change.what).map(|what| change.what = what).is_some());
         if let Some(left) = &mut left {
@@ -66,6 +63,10 @@ fn show(args: &Args) -> Result<(), CliError> {
         print(args.format, &session, &changes)?;
         if left == Some(0) {
             return Ok(());
+        }
+        match PollResult::of(outcome, args.instance.name(), "changes")? {
+            PollResult::Answered(()) | PollResult::Later => {}
+            PollResult::Ended | PollResult::CutOff => return Ok(()),
         }
     }
 }
@@ -81,9 +82,14 @@ fn watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> Op
     stretches.iter().find_map(of)
 }
 
-/// Reads all changes from number `from` on. Sets `from` to the number after the last one.
-fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal::Change>, CliError> {
-    let mut all = Vec::new();
+/// Reads all changes from number `from` on. Sets `from` to the number after the last one. After an error, `all` has the
+/// changes that were read before it.
+fn read(
+    session: &Session,
+    from: &mut u64,
+    turn: &mut u16,
+    all: &mut Vec<journal::Change>,
+) -> Result<(), CliError> {
     loop {
         let reply = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?;
         let (changes, end, now) = reply.turned_changes()?;
@@ -99,7 +105,7 @@ fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal
         let is_last = changes.is_empty() || *from >= end;
         all.extend(changes);
         if is_last {
-            return Ok(all);
+            return Ok(());
         }
     }
 }

@@ -1,10 +1,15 @@
 //! The emulator's side of the channel, and its end when another program shortens a part of it.
 
-use super::Emulator;
+use super::{Emulator, LONGEST_SLEEP};
 use crate::channel::{ChannelWatch, EventNotifier, HeaderBells, Server};
 use crate::identity::DeviceIndex;
 use crate::memory::{Image, channel_has_gaps, names};
+use crate::request::Host;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::time::{Duration, Instant};
+
+/// Longest time after the end of the clock in which clients that follow the journal can read its rest.
+const LAST_READS: Duration = Duration::from_millis(500);
 
 impl Emulator {
     pub(super) fn open_channel(instance: &str, images: &[Image]) -> Option<Box<Server>> {
@@ -19,13 +24,18 @@ impl Emulator {
 
     /// Handles requests of the channel; returns whether there were any.
     pub(in crate::runtime) fn serve_channel(&mut self) -> bool {
+        self.slice.renew();
+        self.serve_by(Server::poll)
+    }
+
+    /// Calls a function of the server that handles requests; returns whether there were any.
+    fn serve_by(&mut self, serve: impl FnOnce(&mut Server, &mut dyn Host) -> usize) -> bool {
         if self.channel_is_damaged() {
             self.give_channel_up();
         }
         // The server is taken out of the emulator for the call, because it needs the rest of the emulator as host.
         let Some(mut server) = self.server.take() else { return false };
-        self.slice.renew();
-        let served = catch_unwind(AssertUnwindSafe(|| server.poll(self)));
+        let served = catch_unwind(AssertUnwindSafe(|| serve(&mut server, self)));
         self.server = Some(server);
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)
     }
@@ -58,9 +68,31 @@ impl Emulator {
         if is_short || self.channel_is_damaged() {
             self.give_channel_up();
         }
+        self.hand_over_records();
         self.events = None;
         if let Some(server) = self.server.take() {
             server.close(self);
+        }
+    }
+
+    /// Waits until the clients that follow the journal or changes of registers have read the rest of them.
+    fn hand_over_records(&mut self) {
+        let begin = Instant::now();
+        loop {
+            self.note_rings();
+            let mut is_followed = false;
+            let has_served = self.serve_by(|server, host| {
+                let served = server.poll_followers(host);
+                is_followed = server.is_followed(begin);
+                served
+            });
+            let left = LAST_READS.saturating_sub(begin.elapsed());
+            if !is_followed || left.is_zero() {
+                return;
+            }
+            if !has_served {
+                self.sleep(left.min(LONGEST_SLEEP));
+            }
         }
     }
 

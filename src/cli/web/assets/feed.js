@@ -207,12 +207,12 @@ class Feed {
     const text = `This page was too slow for the emulator and has lost ${parts.filter(Boolean).join(", ")}. All values shown are current.`;
     setNotice("lost", text, "warn", ["Close", () => setNotice("lost", "")]);
   }
-  _ended({ reason }) {
+  _ended({ reason, complete = true }) {
     this.hasEnded = true;
     this.#source?.close();
     this.#source = null;
     this.#path = "";
-    setNotice("stream", `The emulator has ended: ${reason}`, "bad", ["Try again", () => this.#again()]);
+    setNotice("stream", `The emulator has ended: ${reason}${complete ? "" : ". Its last changes and records may be missing"}`, "bad", ["Try again", () => this.#again()]);
   }
 
   /** Reloads the page if an emulator runs again. It may have another server at the same port, which asks for its own token. */

@@ -1,8 +1,9 @@
 //! The requests of readers, and the thread that polls an instance for all of them.
 
-use super::round::{Poller, Round};
+use super::round::{Counts, Poller, Round};
 use crate::cli::dump::Blocks;
 use crate::cli::error::CliError;
+use crate::cli::pause::last_words;
 use crate::cli::peek::ReadTarget;
 use crate::cli::web::link::{self, Connection};
 use crate::cli::web::problem::Problem;
@@ -267,7 +268,7 @@ impl Feed {
                         // The next reader starts another thread.
                         stopped.state().rounds = None;
                         let reason = link::broken(&stopped.instance).to_string();
-                        drop(last.send(Arc::new(Round::end(reason))));
+                        drop(last.send(Arc::new(Round::end(reason, false, Counts::default()))));
                     });
                     poll(&shared, &own);
                 };
@@ -333,7 +334,13 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
             Err(error) => {
                 // The next reader starts another thread.
                 shared.state().rounds = None;
-                drop(rounds.send(Arc::new(Round::end(error.to_string()))));
+                let rest = poller.as_mut().and_then(Poller::take_rest);
+                if let Some(rest) = rest {
+                    drop(rounds.send(Arc::new(rest)));
+                }
+                let (reason, is_complete) = (error.to_string(), last_words(&error).is_some());
+                let sent = poller.as_ref().map_or_else(Counts::default, Poller::sent);
+                drop(rounds.send(Arc::new(Round::end(reason, is_complete, sent))));
                 break;
             }
         }

@@ -72,12 +72,13 @@ impl Reader {
     /// Formats the events of a round as server-sent events.
     pub(super) fn events(&mut self, round: &Round) -> String {
         let mut text = String::new();
-        if let Some(reason) = &round.end {
+        self.add_lost(&mut text, round);
+        if let Some(end) = &round.end {
             self.is_at_end = true;
-            add(&mut text, "ended", &json!({ "reason": reason }).to_string());
+            let form = json!({ "reason": end.reason, "complete": end.is_complete });
+            add(&mut text, "ended", &form.to_string());
             return text;
         }
-        self.add_lost(&mut text, round);
         if let Some(begin) = round.turn_begin {
             add(&mut text, "turned", &json!({ "time_us": round.time_us, "begin": begin }).to_string());
         }
@@ -206,7 +207,21 @@ mod tests {
     #[test]
     fn the_end_is_the_last_event() {
         let mut reader = reader();
-        let text = reader.events(&Round::end("gone".to_owned()));
-        assert!(text.contains("event: ended\ndata: {\"reason\":\"gone\"}") && reader.is_at_end());
+        reader.events(&round(0, 2));
+        let sent = Counts { changes: 0, records: 2 };
+        let text = reader.events(&Round::end("gone".to_owned(), true, sent));
+        assert_eq!(text, "event: ended\ndata: {\"complete\":true,\"reason\":\"gone\"}\n\n");
+        assert!(reader.is_at_end());
+    }
+
+    #[test]
+    fn a_slow_reader_learns_at_the_end_what_it_has_lost() {
+        let mut reader = reader();
+        reader.events(&round(0, 2));
+        reader.miss(1);
+        let sent = Counts { changes: 0, records: 7 };
+        let text = reader.events(&Round::end("gone".to_owned(), true, sent));
+        let lost = "event: lost\ndata: {\"changes\":0,\"records\":5,\"rounds\":1}\n\nevent: ended\n";
+        assert!(text.starts_with(lost), "{text}");
     }
 }

@@ -52,8 +52,16 @@ pub(super) struct Round {
     /// If the plant has gone back in time, the number of the first record of the new history. Records with this number or
     /// a higher one that were read before are no longer part of the journal.
     pub turn_begin: Option<u64>,
-    /// The reason why this round is the last one, if it is.
-    pub end: Option<String>,
+    /// The end of the emulator, if this round is the last one.
+    pub end: Option<LastRound>,
+}
+
+/// What the last round says about the end of the emulator.
+pub(super) struct LastRound {
+    /// The reason for the end.
+    pub reason: String,
+    /// True if the rounds contain all changes and records up to the end.
+    pub is_complete: bool,
 }
 
 /// Numbers of changes and of records.
@@ -64,14 +72,20 @@ pub(super) struct Counts {
 }
 
 impl Round {
-    /// Creates the last round.
-    pub(super) fn end(reason: String) -> Self {
-        Self { end: Some(reason), ..Self::default() }
+    /// Creates the last round. `sent` are the changes and records of all other rounds.
+    pub(super) fn end(reason: String, is_complete: bool, sent: Counts) -> Self {
+        Self { before: sent, end: Some(LastRound { reason, is_complete }), ..Self::default() }
     }
 
     /// True if the plant has gone back in time.
     pub(super) fn is_turned(&self) -> bool {
         self.turn_begin.is_some()
+    }
+
+    /// True if the round has changes or records, or reports that there are some which it does not have.
+    fn has_news(&self) -> bool {
+        let is_empty = self.changes.is_empty() && self.last_changes.is_empty() && self.records.is_empty();
+        !is_empty || self.is_turned() || self.lost != Counts::default()
     }
 
     /// Notes that the plant has gone back in time. If it has gone back several times, the lowest number counts.
@@ -98,6 +112,10 @@ pub(super) struct Poller {
     /// Number of the history that was read last. A plant that goes back in time begins a new history.
     turn: u16,
     sent: Counts,
+    /// Time and clock of the last complete round.
+    shown: (u64, String),
+    /// Changes and records of a round that has failed after they were read.
+    rest: Option<Round>,
 }
 
 impl Poller {
@@ -124,19 +142,33 @@ impl Poller {
             lines,
             turn: turn.number,
             sent,
+            shown: Default::default(),
+            rest: None,
         })
     }
 
     /// Polls once. Returns `None` if the emulator does not answer in time.
     ///
     /// # Errors
-    /// The emulator has ended.
+    /// The emulator has ended. [`Poller::take_rest`] then returns what this poll has read before.
     pub(super) fn poll(&mut self, wish: &Wish) -> Result<Option<Round>, CliError> {
         match guarded(self, |it| &it.connection, |it| it.round(wish)) {
             Ok(round) => Ok(Some(round)),
-            Err(CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. })) => Ok(None),
+            Err(CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. })) => {
+                Ok(self.take_rest())
+            }
             Err(error) => Err(error),
         }
+    }
+
+    /// Returns the changes and records of a round that has failed after they were read, if there are any.
+    pub(super) fn take_rest(&mut self) -> Option<Round> {
+        self.rest.take()
+    }
+
+    /// The number of changes and records in all rounds.
+    pub(super) fn sent(&self) -> Counts {
+        self.sent
     }
 
     /// Closes the connection to the emulator.
@@ -149,19 +181,34 @@ impl Poller {
             feed::follow(&self.connection, wish)?;
             self.followed = Some(Instant::now());
         }
-        let mut round = Round { before: self.sent, ..Round::default() };
-        // The changes are read before the clock and the values. If a round reports that the plant went back, it then
-        // contains no data from the time before this.
-        self.changes(wish, &mut round)?;
-        if wish.journal.is_some() {
-            self.journal(&mut round)?;
-        }
-        self.states(wish, &mut round)?;
-        self.values(wish, &mut round)?;
+        let (time_us, clock) = self.shown.clone();
+        let mut round = Round { time_us, clock, before: self.sent, ..Round::default() };
+        let outcome = self.fill(wish, &mut round);
         self.sent.changes += round.changes.len() as u64;
         self.sent.records += round.records.len() as u64;
-        self.asked = Instant::now();
-        Ok(round)
+        match outcome {
+            Ok(()) => {
+                self.shown = (round.time_us, round.clock.clone());
+                self.asked = Instant::now();
+                Ok(round)
+            }
+            // The emulator passes on changes and records only once, so they are kept.
+            Err(error) => {
+                self.rest = Some(round).filter(Round::has_news);
+                Err(error)
+            }
+        }
+    }
+
+    fn fill(&mut self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
+        // The changes are read before the clock and the values. If a round reports that the plant went back, it then
+        // contains no data from the time before this.
+        self.changes(wish, round)?;
+        if wish.journal.is_some() {
+            self.journal(round)?;
+        }
+        self.states(wish, round)?;
+        self.values(wish, round)
     }
 
     /// Reads the clock and all states except the buses, in one request.
