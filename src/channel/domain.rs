@@ -7,9 +7,9 @@
 //!
 //! iceoryx2 removes most files of a killed process, but not all of them. If an emulator is killed while it creates the
 //! service, the remaining files can block the service permanently. A counter of 16 bytes for each prefix always
-//! remains. So the owner of the instance sweeps the domain: it removes all files before its start and after its end, if
-//! no living process uses the domain. If a client continues after the end of the emulator, it sweeps the domain when it
-//! leaves ([`Guest`](super::guest::Guest)).
+//! remains. So the owner of the instance sweeps the domain: it removes all files before its start, if no living process
+//! uses the domain, and after its end. If a client enters while the emulator ends, or the emulator is killed, the client
+//! sweeps the domain when it leaves ([`Guest`](super::guest::Guest)).
 
 use super::limit::{self, LimitError};
 use super::passage::{self, ChannelRoot, ChannelSite};
@@ -312,10 +312,12 @@ impl Domain {
         }
     }
 
-    /// Called after the server has ended. Removes everything, unless a living process still uses the domain after
-    /// `patience`.
+    /// Called after the server has ended. Waits at most `patience` until no living process uses the domain, and removes
+    /// everything.
     pub(crate) fn close(&self, patience: Duration) {
-        passage::close(self, || settles(patience, || !self.in_use()));
+        passage::close(self, || {
+            settles(patience, || !self.in_use());
+        });
     }
 }
 

@@ -1,8 +1,9 @@
 //! How an owner enters the directory of a channel, and how the last process that leaves removes the files of iceoryx2.
 //!
 //! The owner holds the instance's lock, which is in the same directory. It sweeps (removes all files) before it
-//! announces itself and when it ends. Clients that continue after its end sweep when they leave. Such a sweep must not
-//! affect the next owner, which may already have entered.
+//! announces itself and when it ends. A client that leaves after the end of the owner sweeps, too: the owner may have been
+//! killed, or the client may have entered while the owner ended. Such a sweep must not affect the next owner, which may
+//! already have entered.
 
 #[cfg(test)]
 mod model;
@@ -102,10 +103,10 @@ fn sweep_as_last(place: &impl ChannelSite) {
     }
 }
 
-/// Called after the server has ended and the clients had time to leave.
-pub(super) fn close(place: &impl ChannelSite, is_unused: impl FnOnce() -> bool) {
-    if is_unused() {
-        place.sweep();
-    }
+/// Called after the server has ended. Clients that are still connected after `leave` have no use for the files any more. They
+/// may be suspended or killed before they leave, so the files are removed without them.
+pub(super) fn close(place: &impl ChannelSite, leave: impl FnOnce()) {
+    leave();
+    place.sweep();
     place.remove_root();
 }

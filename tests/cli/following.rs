@@ -1,7 +1,7 @@
 //! The end of commands that follow an instance: after the end of the emulator, and if their output is not read or their
 //! terminal is closed.
 
-use crate::common::{Emulator, Follower, commram, eventually, finish, unique_name, wait_for};
+use crate::common::{Emulator, Follower, commram, eventually, files_of, finish, unique_name, wait_for};
 use crate::scenarios::Scripts;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -223,4 +223,31 @@ fn a_command_that_is_late_reports_that_the_end_may_be_missing() {
     child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
     let note = format!("instance '{}' has ended; its last records may be missing", emulator.name);
     assert!(err.contains(&note), "{err}");
+}
+
+/// The emulator removes the files of its channel, although clients that are suspended or wait for their outputs have not left
+/// it. However such a client ends then, no file remains.
+#[test]
+fn a_command_that_outlives_its_emulator_leaves_no_files() {
+    for end in ["-TERM", "-INT", "-KILL"] {
+        let mut emulator = Emulator::stepped();
+        let (reader, mut child) = blocked_trace(&emulator);
+        let mut watch = Follower::start(&emulator, "watch", &["node2.b_AC"]);
+        assert!(watch.note().contains("watching"));
+        signal(&watch.child, "-STOP");
+        let prefix = format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name);
+        let prefix = std::fs::read_to_string(prefix).unwrap();
+        emulator.run("stop", &[]).ok();
+        assert_eq!(emulator.wait().code(), Some(0));
+        for client in [&mut child, &mut watch.child] {
+            signal(client, end);
+            signal(client, "-CONT");
+            wait_for(client, "a client");
+        }
+        drop(reader);
+        let objects = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().path());
+        let left = objects.filter(|path| path.to_string_lossy().contains(prefix.trim()));
+        let left: Vec<_> = left.chain(files_of(&emulator.name)).collect();
+        assert!(left.is_empty(), "{end}: {left:?}");
+    }
 }

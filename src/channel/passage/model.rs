@@ -241,7 +241,7 @@ fn leaves(place: &Opened, client: u32) {
 fn ends(place: &Opened, owner: u32) {
     place.withdraw();
     place.content(|it| it.inside.retain(|other| *other != owner));
-    close(place, || !place.in_use());
+    close(place, || {});
     let mut world = place.world();
     world.directories[place.number].is_owned = false;
     world.remove_if_empty(place.number);
