@@ -314,16 +314,17 @@ impl Server {
         }
     }
 
-    /// True if a client that follows the journal or changes has not read the rest yet. `since` is the time at which the
-    /// clock has ended. Clients that have read nothing for a while before it do not count.
-    pub fn is_followed(&self, since: Instant) -> bool {
-        self.followers.are_waiting(&self.clients(|_| true), since)
+    /// True after the first call of [`Server::poll_followers`] while a client that follows the journal or changes has not
+    /// read the rest. Clients that have read nothing for a while before this call do not count.
+    pub fn is_followed(&self) -> bool {
+        self.followers.are_waiting(&self.clients(|_| true))
     }
 
     /// Called in place of [`Server::poll`] after the clock has ended. Lets clients that follow the journal or changes read
     /// the rest, and answers all other requests, also those in progress, with
     /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN). Returns the number of answered requests.
     pub fn poll_followers(&mut self, host: &mut dyn Host) -> usize {
+        self.followers.end();
         let ending = Refused::ending(host);
         for (request, mut run) in std::mem::take(&mut self.waiting) {
             run.abort(&ending);

@@ -382,7 +382,7 @@ fn the_model_detects_a_directory_that_a_client_has_made_again() {
 #[test]
 #[should_panic(expected = "swept away")]
 fn the_model_detects_a_lock_that_excludes_no_process() {
-    one_after_the_other(System::LocksAreOpen, false);
+    one_after_the_other(System::LocksAreOpen, true);
 }
 
 #[test]

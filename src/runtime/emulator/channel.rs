@@ -83,7 +83,7 @@ impl Emulator {
             let mut is_followed = false;
             let has_served = self.serve_by(|server, host| {
                 let served = server.poll_followers(host);
-                is_followed = server.is_followed(begin);
+                is_followed = server.is_followed();
                 served
             });
             let left = LAST_READS.saturating_sub(begin.elapsed());
