@@ -83,6 +83,12 @@ errors! {
         /// Path and reason.
         reason: String,
     } => Exit::NotThere,
+    /// The file of `commram web --token-file` exists, and a killed server has not left it.
+    #[error("{} exists, and it is not the token of a server that has ended; name a new file, or remove this one", .path.display())]
+    TokenFileTaken {
+        /// The file.
+        path: PathBuf,
+    } => Exit::NotThere,
     /// An argument is wrong, for a reason that is specific to the command.
     #[error("`{text}`: {right}")]
     Argument {

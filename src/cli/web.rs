@@ -70,8 +70,8 @@ pub(crate) struct Args {
     /// Address at which browsers reach the server, if it is another one, such as that of a proxy
     #[arg(long, value_name = "URL", value_parser = Origin::parse)]
     origin: Vec<Origin>,
-    /// File for the token, which must not exist [default: a file in the directory commram of XDG_RUNTIME_DIR, or in
-    /// /dev/shm/commram-web-UID]
+    /// File for the token; it must not exist, unless a killed server has left it [default: a file in the directory commram
+    /// of XDG_RUNTIME_DIR, or in /dev/shm/commram-web-UID]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// End when the process with this id ends
@@ -148,7 +148,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Served::All => format!("+all-{}", address.port()),
     };
     let file = match &args.token_file {
-        Some(path) => TokenFile::write(path, &token)?,
+        Some(path) => TokenFile::named(path, &token)?,
         None => TokenFile::usual(&name, &token)?,
     };
     let printed = output::print(&first_lines(args, &served, address, &token));

@@ -235,6 +235,46 @@ fn an_operation_ends_with_the_connection_of_its_client() {
     assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
 }
 
+/// Many clients send the head and the body of a request in two packets.
+#[test]
+fn a_refused_request_does_not_cost_the_next_one_on_its_connection() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut stream = server.connect();
+    let head = |method: &str, path: &str, kind: &str, length: usize| {
+        format!(
+            "{method} {path} HTTP/1.1\r\nhost: localhost\r\nauthorization: {}\r\ncontent-type: {kind}\r\n\
+             content-length: {length}\r\n\r\n",
+            server.bearer()
+        )
+    };
+    let mut begin = [0; 4096];
+    for (method, path, kind, status) in [
+        ("POST", server.path("nonsense"), "application/json", "404"),
+        ("PUT", server.path("advance"), "application/json", "405"),
+        ("POST", server.path("advance"), "application/json", "400"),
+    ] {
+        stream.write_all(head(method, &path, kind, 8).as_bytes()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+        let early = stream.read(&mut begin).unwrap_or_default();
+        assert_eq!(String::from_utf8_lossy(&begin[..early]), "", "an answer before the body has arrived");
+        stream.set_read_timeout(Some(SOON)).unwrap();
+        stream.write_all(b"{\"xx\":1}").unwrap();
+        let length = stream.read(&mut begin).unwrap();
+        let answer = String::from_utf8_lossy(&begin[..length]);
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{answer}");
+        assert!(!answer.to_lowercase().contains("connection: close"), "{answer}");
+    }
+    stream.write_all(head("GET", &server.path("time"), "application/json", 0).as_bytes()).unwrap();
+    let length = stream.read(&mut begin).unwrap();
+    assert!(begin[..length].starts_with(b"HTTP/1.1 200 "), "{}", String::from_utf8_lossy(&begin[..length]));
+    // A request that the server does not take at all: its body is not read, so the connection ends, and the client learns it.
+    stream.write_all(head("POST", &server.path("advance"), "text/plain", 8).as_bytes()).unwrap();
+    let length = stream.read(&mut begin).unwrap();
+    let answer = String::from_utf8_lossy(&begin[..length]);
+    assert!(answer.starts_with("HTTP/1.1 415 ") && answer.contains("connection: close"), "{answer}");
+}
+
 #[test]
 fn a_connection_without_room_is_refused_with_a_problem() {
     let emulator = Emulator::stepped();

@@ -222,6 +222,26 @@ fn files_of_killed_servers_are_removed_by_the_next_one_and_by_stop_clean() {
     assert_eq!(std::fs::read_dir(killed.runtime()).unwrap().count(), 0);
 }
 
+/// A service manager starts the server again with the same options.
+#[test]
+fn a_named_file_of_a_killed_server_is_replaced_by_the_next_one() {
+    let emulator = Emulator::stepped();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("token");
+    let options = ["--token-file", path.to_str().unwrap()];
+    let mut killed = Server::of(&emulator, &options);
+    killed.child.kill().unwrap();
+    killed.wait();
+    let next = Server::of(&emulator, &options);
+    assert_eq!(std::fs::read_to_string(&path).unwrap().trim(), next.token);
+    next.get("/api/v1/instances").ok();
+    drop(next);
+    std::fs::write(&path, "my notes\n").unwrap();
+    let refused = finish(emulator.command("web", &["--listen", "127.0.0.1:0"]).args(options));
+    assert!(refused.fails(3).contains("it is not the token of a server that has ended"), "{}", refused.err);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "my notes\n");
+}
+
 #[test]
 fn a_stopped_server_does_not_hold_up_the_end_of_its_emulator() {
     let runtime = tempfile::tempdir().unwrap();

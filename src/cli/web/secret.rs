@@ -2,18 +2,21 @@
 //! file that only its owner can read.
 
 use crate::cli::error::CliError;
+use crate::input_file;
 use crate::memory::private::PrivateDir;
 use crate::memory::{EmulatorProcess, MemoryError};
 use rustix::rand::{GetRandomFlags, getrandom};
 use std::fmt::Write as _;
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq;
 
 /// Length of a secret in bytes.
 const BYTES: usize = 32;
+/// Length of a file with a token: two digits for each byte, and the end of the line.
+const LENGTH_OF_FILE: u64 = 2 * BYTES as u64 + 1;
 
 /// A secret of 256 random bits, as hexadecimal digits. The type has no `Debug`, so that no message can contain a
 /// secret.
@@ -72,6 +75,22 @@ impl TokenFile {
         let this = Self { path: path.to_owned(), file: file.try_clone().map_err(failed)?, directory: None };
         file.write_all(format!("{}\n", token.digits()).as_bytes()).map_err(failed)?;
         Ok(this)
+    }
+
+    /// Writes the token to the file that the user has named. Replaces the token of a killed server there, but nothing else.
+    ///
+    /// # Errors
+    /// The file exists and is not that of a killed server, or cannot be written.
+    pub(super) fn named(path: &Path, token: &Secret) -> Result<Self, CliError> {
+        match Self::write(path, token) {
+            Err(CliError::File { reason, .. }) if reason.kind() == io::ErrorKind::AlreadyExists => {}
+            written => return written,
+        }
+        // The lock is held until the file is removed, so another server does not do the same.
+        let left = left_token(path).ok_or_else(|| CliError::TokenFileTaken { path: path.to_owned() })?;
+        std::fs::remove_file(path).map_err(|reason| CliError::File { path: path.to_owned(), reason })?;
+        drop(left);
+        Self::write(path, token)
     }
 
     /// Writes the token to the file `name` in the user's directory for tokens. Removes the files of killed
@@ -147,6 +166,22 @@ pub(super) fn servers_of(instance: &str, port: u16) -> Vec<EmulatorProcess> {
     names.filter(|name| is_of_it(name)).filter_map(holder).collect()
 }
 
+/// Opens the file at `path` if it contains the token of a killed server of this user, and nothing else. The file is locked.
+fn left_token(path: &Path) -> Option<File> {
+    let mut file = input_file::open_no_link(path).ok()?;
+    let found = file.metadata().ok()?;
+    let is_own = found.is_file() && found.uid() == rustix::process::geteuid().as_raw();
+    if !is_own || found.len() != LENGTH_OF_FILE {
+        return None;
+    }
+    file.try_lock().ok()?;
+    let mut text = String::new();
+    file.read_to_string(&mut text).ok()?;
+    let is_token = text.trim_end().bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
+    let named = path.symlink_metadata().ok()?;
+    (is_token && (named.dev(), named.ino()) == (found.dev(), found.ino())).then_some(file)
+}
+
 /// Removes the token files of killed servers.
 ///
 /// # Errors
@@ -219,7 +254,26 @@ mod tests {
         assert!(TokenFile::write(&path, &token).is_err(), "an existing file is not overwritten");
         let other = File::open(&path).unwrap();
         assert!(other.try_lock().is_err(), "other servers see that this one lives");
-        drop(file);
+        assert!(TokenFile::named(&path, &token).is_err(), "the server lives");
+        drop((file, other));
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn only_the_file_of_a_killed_server_is_replaced() {
+        let place = tempfile::tempdir().unwrap();
+        let (path, token) = (place.path().join("token"), Secret::random().unwrap());
+        std::fs::write(&path, format!("{}\n", Secret::random().unwrap().digits())).unwrap();
+        let file = TokenFile::named(&path, &token).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap().trim(), token.digits());
+        drop(file);
+        let others = ["", "text\n", &"x".repeat(65)].map(str::to_owned);
+        for text in others {
+            std::fs::write(&path, &text).unwrap();
+            let Err(CliError::TokenFileTaken { .. }) = TokenFile::named(&path, &token) else {
+                panic!("{text}")
+            };
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
     }
 }
