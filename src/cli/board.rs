@@ -275,13 +275,23 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let words = settings.iter().map(|text| BoardAssignment::parse(text));
             set(instance, &words.collect::<Result<Vec<_>, _>>()?)
         }
-        Command::Reset { plc, instance } => one(plc.as_deref(), BoardSetting::Reset, instance),
-        Command::PowerCycle { plc, instance } => one(plc.as_deref(), BoardSetting::PowerCycle, instance),
+        Command::Reset { plc, instance } => one("reset", plc.as_deref(), BoardSetting::Reset, instance),
+        Command::PowerCycle { plc, instance } => {
+            one("power-cycle", plc.as_deref(), BoardSetting::PowerCycle, instance)
+        }
     }
 }
 
-fn one(plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<(), CliError> {
-    set(instance, &[BoardAssignment::of("the board", plc, setting)])
+fn one(command: &str, plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<(), CliError> {
+    set(instance, &[BoardAssignment::of(command, plc, setting)]).map_err(|error| match error {
+        CliError::WhichPlc { instance, plcs, example, .. } => {
+            let right = format!(
+                "it has several PLCs ({plcs}); write for example `commram board {command} {example}`"
+            );
+            CliError::Argument { text: instance, right }
+        }
+        other => other,
+    })
 }
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {

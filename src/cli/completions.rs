@@ -81,6 +81,16 @@ fn script(shell: Shell) -> Result<String, CliError> {
                 1,
             ),
         Shell::Zsh => script
+            // A name may contain colons, for example after a PLC. They have a backslash; the colon before the description
+            // has none.
+            .replacen(
+                "local value=\"${completion%%:*}\"",
+                "local colon=$'\\1'\n            local value=\"${${completion//\\\\:/$colon}%%:*}\"\n            \
+                 value=\"${value//$colon/\\\\:}\"",
+                1,
+            )
+            .replacen("\"$completion\" == *:*", "\"$completion\" == \"$value:\"*", 1)
+            .replacen("${completion#*:}", "${completion#\"$value:\"}", 1)
             .replacen("local -a other=()\n", "local -a other=()\n        local -a begun=()\n", 1)
             .replacen(
                 "            else\n                other+=",
@@ -168,7 +178,14 @@ mod tests {
             "{bash}"
         );
         let zsh = script(Shell::Zsh).ok().unwrap();
-        for part in ["local -a begun=()", "begun+=(", "_describe -V 'values' begun -S ''"] {
+        for part in [
+            "value=\"${value//",
+            "== \"$value:\"*",
+            "#\"$value:\"}",
+            "local -a begun=()",
+            "begun+=(",
+            "_describe -V 'values' begun -S ''",
+        ] {
             assert!(zsh.contains(part), "{part}\n{zsh}");
         }
     }

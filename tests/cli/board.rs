@@ -160,3 +160,17 @@ fn a_project_can_be_sent_and_is_lost_by_a_reset() {
     assert_eq!(shown(), ["boot", "1", "stopped"]);
     assert!(emulator.run("board", &["set", "project=new"]).fails(2).contains("projects are boot and sent"));
 }
+
+#[test]
+fn the_message_about_several_boards_has_a_command_that_works() {
+    let plant = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(plant.path(), "[[plc]]\nname = 'one'\n[[plc]]\nname = 'two'\n").unwrap();
+    let emulator = Emulator::start(&[plant.path().to_str().unwrap(), "--clock", "stepped"]);
+    for command in ["reset", "power-cycle"] {
+        let refused = emulator.run("board", &[command]);
+        let right =
+            format!("it has several PLCs (one, two); write for example `commram board {command} one`");
+        assert!(refused.fails(2).contains(&right), "{}", refused.err);
+        emulator.run("board", &[command, "one"]).ok();
+    }
+}

@@ -355,7 +355,8 @@ fn stop_signals_no_process_that_does_not_hold_the_locks() {
     let hidden = "mount --bind /dev/null /proc/locks || exit 77; $COMMRAM stop";
     match in_mount_namespace(hidden, Some(&emulator.name)) {
         Some(outcome) => {
-            assert_eq!(outcome.ok(), format!("instance '{}' has stopped\n", emulator.name));
+            let stopped = format!("instance '{}' has stopped\n", emulator.name);
+            assert_eq!((outcome.code, outcome.out), (Some(0), stopped), "{}", outcome.err);
             assert_eq!(emulator.wait().code(), Some(0));
         }
         None => emulator.signal("-CONT"),

@@ -91,6 +91,18 @@ fn programs_exchange_octets_over_tcp_and_a_pseudo_terminal() {
 }
 
 #[test]
+fn a_drive_on_a_line_has_its_name_in_the_list_of_buses() {
+    let plant = tempfile::NamedTempFile::new().unwrap();
+    let drive = "[[bus.drive]]\nname = 'pump'\naddress = 3\n";
+    std::fs::write(plant.path(), format!("{PLANT}\n{drive}")).unwrap();
+    let emulator = Emulator::start(&[plant.path().to_str().unwrap(), "--clock", "stepped"]);
+    let buses: Value = serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap();
+    let stations = buses[0]["stations"].as_array().unwrap().iter();
+    let drive: Vec<_> = stations.filter(|it| it["state"] == "drive").collect();
+    assert_eq!((&drive[0]["name"], &drive[0]["address"]), (&"pump".into(), &3.into()));
+}
+
+#[test]
 fn a_stepped_clock_takes_the_octets_of_a_guest_at_the_next_step() {
     let emulator = start(&["--clock", "stepped"]);
     let port: u16 = door(&emulator, "serial-tcp:127.0.0.1:").parse().unwrap();

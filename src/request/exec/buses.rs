@@ -18,8 +18,15 @@ impl Work<'_> {
         let host = &*self.host;
         let doors = |bus| host.doors_seen().map_or_else(Vec::new, |doors| doors.of_bus(bus));
         let names = host.plant().names();
-        let station = |it: StationState| Station {
-            name: names.source(Source::Node(it.origin)),
+        let drive = |bus: &dyn Bus, address: u8| {
+            let drives = bus.drives().map_or_else(Vec::new, |drives| drives.list());
+            let found = drives.into_iter().find(|(_, state)| state.number == Some(address));
+            found.map(|(name, _)| name.to_owned())
+        };
+        let station = |bus: &dyn Bus, it: StationState| Station {
+            // The plant file names drives; in the journal they have only their numbers.
+            name: (it.origin.drive().and_then(|address| drive(bus, address)))
+                .unwrap_or_else(|| names.source(Source::Node(it.origin))),
             address: it.address,
             state: it.does.unwrap_or_else(|| it.errors.state().name()).to_owned(),
             transmit_errors: it.errors.transmit(),
@@ -40,7 +47,7 @@ impl Work<'_> {
             load_permille: host.plant().bus_load(index, LOAD_US),
             ports: host.plant().ports_at(index).into_iter().map(port).collect(),
             doors: doors(index),
-            stations: bus.stations().into_iter().map(station).collect(),
+            stations: bus.stations().into_iter().map(|it| station(bus, it)).collect(),
             strangers: bus.strangers().into_iter().map(stranger).collect(),
         };
         let buses = BusIndex::enumerate(host.plant().buses());
