@@ -146,6 +146,13 @@ pub(super) fn file_name(instance: &str, port: u16) -> String {
     format!("{instance}-{port}")
 }
 
+/// True if the name is that of a file for servers of an instance at a port.
+fn is_file_of(name: &str, instance: &str, port: u16) -> bool {
+    let is_number = |text: &str| text.bytes().all(|digit| digit.is_ascii_digit());
+    let rest = name.strip_prefix(&file_name(instance, port));
+    rest.is_some_and(|rest| rest.is_empty() || rest.strip_prefix('-').is_some_and(is_number))
+}
+
 /// Returns the processes that serve an instance at a port, at any address, with a token file in the directory for tokens.
 /// Errors are ignored: servers that cannot be found are left out.
 pub(super) fn servers_of(instance: &str, port: u16) -> Vec<EmulatorProcess> {
@@ -153,17 +160,12 @@ pub(super) fn servers_of(instance: &str, port: u16) -> Vec<EmulatorProcess> {
     let (Ok(Some(directory)), Ok(entries)) = (PrivateDir::open(&path), std::fs::read_dir(&path)) else {
         return Vec::new();
     };
-    let first = file_name(instance, port);
-    let is_of_it = |name: &str| {
-        let number = name.strip_prefix(&first).map(|rest| rest.strip_prefix('-').unwrap_or(rest));
-        number.is_some_and(|number| number.bytes().all(|digit| digit.is_ascii_digit()))
-    };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let holder = |name: String| {
         let file = directory.find_file(&name).ok()??;
         EmulatorProcess::holding_lock(&file).ok()?
     };
-    names.filter(|name| is_of_it(name)).filter_map(holder).collect()
+    names.filter(|name| is_file_of(name, instance, port)).filter_map(holder).collect()
 }
 
 /// Opens the file at `path` if it contains the token of a killed server of this user, and nothing else. The file is locked.
@@ -242,6 +244,17 @@ mod tests {
         assert_eq!(one.digits().len(), 64);
         assert!(one.is(one.digits().as_bytes()));
         assert!(!one.is(other.digits().as_bytes()) && !one.is(b"") && !one.is(&[b'0'; 65]));
+    }
+
+    #[test]
+    fn the_files_of_other_ports_and_instances_are_others() {
+        let is_it = |name| is_file_of(name, "press-1", 8080);
+        assert!(is_it("press-1-8080") && is_it("press-1-8080-2"));
+        for other in
+            ["press-1-80801", "press-1-808", "press-8080", "press-1-8080-a", "press-11-8080", "+all-8080"]
+        {
+            assert!(!is_it(other), "{other}");
+        }
     }
 
     #[test]
