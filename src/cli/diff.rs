@@ -99,30 +99,30 @@ struct Now {
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Absence {
     /// The instance has no PLC of this name.
-    OfPlc(String),
+    Plc(String),
     /// The PLC of this name has fewer retain flags.
-    OfRetainFlag(String),
+    RetainFlag(String),
     /// Another structure is valid at the address.
-    OfStructure,
+    Structure,
 }
 
 impl Absence {
     fn of(session: &Session, gone: &Change) -> Result<Self, CliError> {
-        let Some(plc) = position(session, &gone.plc) else { return Ok(Self::OfPlc(gone.plc.clone())) };
+        let Some(plc) = position(session, &gone.plc) else { return Ok(Self::Plc(gone.plc.clone())) };
         let is_retain = is_beyond_the_flags(session, plc, &gone.address)?;
-        Ok(if is_retain { Self::OfRetainFlag(gone.plc.clone()) } else { Self::OfStructure })
+        Ok(if is_retain { Self::RetainFlag(gone.plc.clone()) } else { Self::Structure })
     }
 
     fn text(&self, session: &Session, phase_register: Option<&str>) -> String {
         match self {
-            Self::OfPlc(plc) => {
+            Self::Plc(plc) => {
                 let (instance, plcs) = (session.instance(), session.plcs().join(", "));
                 format!("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")
             }
-            Self::OfRetainFlag(plc) => {
+            Self::RetainFlag(plc) => {
                 format!("PLC '{plc}' has fewer retain flags; `retain_bytes` in the plant file gives it more")
             }
-            Self::OfStructure => {
+            Self::Structure => {
                 format!("another structure is valid at their addresses now{}", see(phase_register))
             }
         }
