@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             for (reason, registers) in absent {
                 let count = plural_of(&registers, "register");
                 let reason = reason.text(&session, phase_register);
-                output::note(&format!("{count} of {} not compared: {reason}", args.before.display()));
+                output::note(&format!("{count} of {} {reason}", args.before.display()));
             }
             changes
         }
@@ -117,13 +117,18 @@ impl Absence {
         match self {
             Self::Plc(plc) => {
                 let (instance, plcs) = (session.instance(), session.plcs().join(", "));
-                format!("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")
+                format!("not compared: instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")
             }
             Self::RetainFlag(plc) => {
-                format!("PLC '{plc}' has fewer retain flags; `retain_bytes` in the plant file gives it more")
+                format!(
+                    "not compared: PLC '{plc}' has fewer retain flags; `retain_bytes` in the plant file gives it more"
+                )
             }
             Self::Structure => {
-                format!("another structure is valid at their addresses now{}", see(phase_register))
+                format!(
+                    "not compared: another structure is valid at their addresses now{}",
+                    see(phase_register)
+                )
             }
         }
     }
