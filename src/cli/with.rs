@@ -125,6 +125,8 @@ fn pass_on(child: &Child, emulator: StopHandle) -> io::Result<OnSignal> {
             && !(signal.number == SIGINT && is_ours_in_the_terminal())
         {
             send(&process, named);
+            // A suspended process handles the signal only when it runs.
+            send(&process, Signal::CONT);
         }
     }))
 }

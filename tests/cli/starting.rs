@@ -275,6 +275,18 @@ fn with_passes_signals_on_and_cleans_up() {
 }
 
 #[test]
+fn with_ends_although_its_command_is_suspended() {
+    let mut command = commram();
+    command.args(["with", "--", "sh", "-c", "echo $$; kill -STOP $$"]).stdout(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let suspended = lines.next().unwrap().unwrap();
+    assert!(eventually(|| stat(&suspended)[0] == "T"));
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(wait_for(&mut child, "with").code(), Some(128 + 15));
+}
+
+#[test]
 fn with_waits_for_its_command_although_the_emulator_was_ended() {
     let outcome = with(&[], "$COMMRAM stop -i $COMMRAM_INSTANCE && exit 7");
     assert_eq!(outcome.code, Some(7));
