@@ -7,7 +7,7 @@
 use super::demo::Interrupts;
 use super::error::CliError;
 use super::start::in_thread;
-use super::{output, parse};
+use super::{descriptors, output, parse};
 use rustix::fs::Stat;
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal};
@@ -19,8 +19,6 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-/// Number of descriptors that are tried if the system does not list them.
-const UNLISTED: RawFd = 1024;
 /// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -118,7 +116,8 @@ impl Detached {
     /// # Errors
     /// The log cannot be written or is an output of this process, or the operating system refuses the request.
     pub(crate) fn begin(log: Option<&Path>) -> Result<Self, CliError> {
-        let inherited = inherited();
+        let inherited = descriptors::inheritable();
+        descriptors::keep_from_programs(&inherited);
         let failed = |path: &Path| {
             let path = path.to_owned();
             move |reason: io::Error| CliError::File { path, reason }
@@ -150,26 +149,6 @@ impl Detached {
         put(&self.nothing, 1)?;
         put(self.log.as_ref().unwrap_or(&self.nothing), 2)
     }
-}
-
-/// Returns the descriptors from 3 on that this process has inherited, and keeps them from processes that it starts. The
-/// program opens its own files so that other programs do not inherit them.
-fn inherited() -> Vec<RawFd> {
-    // Without /proc, the first numbers are tried.
-    let listed = std::fs::read_dir("/proc/self/fd").map(|files| {
-        let names = files.flatten().map(|file| file.file_name());
-        names.filter_map(|name| name.to_str()?.parse().ok()).collect::<Vec<RawFd>>()
-    });
-    let numbers = listed.unwrap_or_else(|_| (3..UNLISTED).collect());
-    let is_inherited = |descriptor: &RawFd| {
-        // SAFETY: plain system calls on numbers; they do not change the memory of this process.
-        let flags = unsafe { libc::fcntl(*descriptor, libc::F_GETFD) };
-        *descriptor > 2 && flags >= 0 && flags & libc::FD_CLOEXEC == 0 && {
-            // SAFETY: as above.
-            unsafe { libc::fcntl(*descriptor, libc::F_SETFD, flags | libc::FD_CLOEXEC) >= 0 }
-        }
-    };
-    numbers.into_iter().filter(is_inherited).collect()
 }
 
 /// Refuses a name of an output of this process, for example `/dev/stderr`: the process that started this one reads both

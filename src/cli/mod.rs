@@ -10,6 +10,7 @@ mod completions;
 mod config;
 mod dap;
 mod demo;
+mod descriptors;
 mod detach;
 mod device;
 mod device_folder;

@@ -15,6 +15,7 @@ use super::changed::{By, ChangeDetails, Changed};
 use super::onlookers::Onlookers;
 use crate::identity::DeviceIndex;
 use crate::layout::{RegisterPhase, Width};
+use core::ops::Range;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -256,9 +257,35 @@ impl History {
     }
 
     /// Compares all registers with their previous values; changes for the journal go to `note`.
-    pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, mut note: impl FnMut(Changed)) {
+    pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, note: impl FnMut(Changed)) {
         self.forget_absent_onlookers();
+        self.compare_places(0..self.followed.len(), time_us, by, rams, note);
+    }
+
+    /// Compares the registers that begin in `bytes` of the image of a PLC, like [`History::compare`].
+    pub(super) fn compare_in(
+        &mut self,
+        (plc, bytes): (DeviceIndex, Range<u32>),
+        time_us: u64,
+        by: By,
+        rams: &impl Rams,
+        note: impl FnMut(Changed),
+    ) {
+        let [first, end] =
+            [bytes.start, bytes.end].map(|at| self.find(plc, at).unwrap_or_else(|place| place));
+        self.compare_places(first..end, time_us, by, rams, note);
+    }
+
+    fn compare_places(
+        &mut self,
+        places: Range<usize>,
+        time_us: u64,
+        by: By,
+        rams: &impl Rams,
+        mut note: impl FnMut(Changed),
+    ) {
         let History { followed, changes, end, is_searching, .. } = self;
+        let followed = followed.get_mut(places).unwrap_or_default();
         for register in followed.iter_mut().filter(|register| register.in_journal || !*is_searching) {
             let Some(now) = rams.load(register.plc, register.offset, register.width) else { continue };
             if now == register.held {

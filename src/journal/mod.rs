@@ -89,6 +89,7 @@ pub(crate) use window::Window;
 
 use crate::identity::DeviceIndex;
 use crate::layout::Width;
+use core::ops::Range;
 use draft::Draft;
 use fingerprint::Fingerprint;
 use history::History;
@@ -254,6 +255,19 @@ impl Journal {
     pub(crate) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams) {
         let mut noted = Vec::new();
         self.history.compare(time_us, by, rams, |change| noted.push(change));
+        noted.into_iter().for_each(|change| self.push(time_us, change));
+    }
+
+    /// Compares the followed registers in these bytes of a PLC with their previous values.
+    pub(crate) fn compare_in(
+        &mut self,
+        registers: (DeviceIndex, Range<u32>),
+        time_us: u64,
+        by: By,
+        rams: &impl Rams,
+    ) {
+        let mut noted = Vec::new();
+        self.history.compare_in(registers, time_us, by, rams, |change| noted.push(change));
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 

@@ -5,6 +5,7 @@ use super::{
     Address, Area, DeviceFit, Fit, LayoutError, Meaning, Owner, RegType, RegisterPhase, RegisterRef, Width,
     format_value,
 };
+use std::collections::HashSet;
 use thiserror::Error;
 
 /// A value that the register cannot hold.
@@ -322,17 +323,10 @@ pub(crate) fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
 }
 
 /// Removes duplicate registers, because structures that overlay each other share their first registers.
-pub(crate) fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
-    let mut kept: Vec<RegisterRef> = Vec::with_capacity(registers.len());
-    for register in registers {
-        let twin = |other: &RegisterRef| {
-            (other.offset(), other.register.name) == (register.offset(), register.register.name)
-        };
-        if !kept.iter().any(twin) {
-            kept.push(register);
-        }
-    }
-    kept
+pub(crate) fn without_twins(mut registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
+    let mut known = HashSet::with_capacity(registers.len());
+    registers.retain(|register| known.insert((register.offset(), register.register.name)));
+    registers
 }
 
 /// Returns the meaning of `value` in a register, with a note if the structure of the register is not valid.

@@ -56,11 +56,12 @@ impl Plant {
         len: u32,
         keep: Keep,
     ) -> Result<(), FollowError> {
-        // The changes up to this moment must not count as changes of the newly followed registers.
-        self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
         let (journal, rams) = self.compared();
+        // Other clients may follow these registers already. The changes up to this moment are not changes for this client.
+        // Only these registers are compared, because a client follows thousands of registers one after the other.
+        journal.compare_in((plc, offset..offset.saturating_add(len)), rams.now, By::Program, &rams);
         let follows =
             |&(offset, width): &(u32, Width)| journal.follow(client, plc, offset, width, keep, &rams);
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }

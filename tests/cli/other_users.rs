@@ -135,6 +135,14 @@ fn a_token_is_not_written_to_a_directory_of_another_user() {
     let message = outcome.fails(3);
     assert!(message.contains(&expected) && message.contains("--token-file"), "{message}");
     assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 0);
+    // After `su`, the variable may name the directory of the user before.
+    std::fs::remove_dir(&directory).unwrap();
+    std::os::unix::fs::chown(runtime.path(), Some(ATTACKER), Some(ATTACKER)).unwrap();
+    let mut command = emulator.command("web", &["--listen", "127.0.0.1:0"]);
+    let outcome = finish(command.env("XDG_RUNTIME_DIR", runtime.path()));
+    let expected = format!("{} belongs to user {ATTACKER}", runtime.path().display());
+    assert!(outcome.fails(3).contains(&expected), "{}", outcome.err);
+    assert_eq!(std::fs::read_dir(runtime.path()).unwrap().count(), 0);
 }
 
 #[test]

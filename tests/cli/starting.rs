@@ -274,6 +274,16 @@ fn with_passes_signals_on_and_cleans_up() {
     }
 }
 
+/// The command may run as another user, who must not get the files of the channel.
+#[test]
+fn the_command_of_with_inherits_no_file_of_the_channel() {
+    let script = "for file in /proc/self/fd/*; do readlink $file; done | grep -v '^/proc/\\|^pipe:\\|^/dev/null'; echo $(cat <&7)";
+    let shell = "echo seven | { exec 7<&0; exec $COMMRAM with -- sh -c \"$1\" </dev/null; }";
+    let mut command = Command::new("sh");
+    let outcome = finish(command.args(["-c", shell, "sh", script]).env("COMMRAM", program()));
+    assert_eq!(outcome.ok(), "seven\n");
+}
+
 #[test]
 fn with_ends_although_its_command_is_suspended() {
     let mut command = commram();

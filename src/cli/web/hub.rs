@@ -88,6 +88,12 @@ impl Hub {
         }
     }
 
+    /// Drops the files that a session has sent in parts and nobody can use any more.
+    pub(super) fn drop_files_of(&self, session: &str) {
+        let links = self.links.lock().unwrap_or_else(PoisonError::into_inner);
+        links.values().for_each(|links| drop(links.uploads.take(session)));
+    }
+
     /// Closes the connections to an instance that has ended. Their threads end after their last jobs.
     pub(super) fn forget(&self, instance: &str) {
         self.links.lock().unwrap_or_else(PoisonError::into_inner).remove(instance);

@@ -104,6 +104,7 @@ impl TokenFile {
             other => other,
         })?;
         let path = directory();
+        refuse_runtime_of_others(&path)?;
         let directory = PrivateDir::create(&path).map_err(not_kept)?;
         // The name of the file contains the port. Two servers can use the same port at different addresses, so the
         // second server needs another name.
@@ -208,6 +209,18 @@ pub(crate) fn remove_left_files() -> Result<(), CliError> {
     }
     directory.remove_if_empty();
     Ok(())
+}
+
+/// Refuses a directory for tokens in a directory of another user, who could exchange it. `XDG_RUNTIME_DIR` may be that of
+/// another user after `su` or `sudo`.
+fn refuse_runtime_of_others(directory: &Path) -> Result<(), CliError> {
+    let Some(runtime) = directory.parent() else { return Ok(()) };
+    let Ok(found) = runtime.metadata() else { return Ok(()) };
+    let owner = found.uid();
+    if owner == 0 || owner == rustix::process::geteuid().as_raw() {
+        return Ok(());
+    }
+    Err(CliError::TokenDirectory { reason: format!("{} belongs to user {owner}", runtime.display()) })
 }
 
 /// Returns the error for a directory for tokens that cannot be used.

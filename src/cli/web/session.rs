@@ -144,7 +144,11 @@ pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) ->
 
 /// Signs a client out: invalidates its key and ends its event streams.
 pub(super) async fn close(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
-    app.guard.sessions.close(bearer(&headers).unwrap_or_default());
+    let session = app.guard.session_of(&headers);
+    if !session.is_empty() {
+        app.guard.sessions.close(&session);
+        app.hub.drop_files_of(&session);
+    }
     StatusCode::NO_CONTENT.into_response()
 }
 

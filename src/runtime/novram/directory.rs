@@ -5,7 +5,7 @@ use super::NovramError;
 use crate::memory::directory;
 use rustix::fs::{FileType, Mode, Stat};
 use rustix::io::Errno;
-use std::fs::{DirBuilder, File};
+use std::fs::{DirBuilder, DirEntry, File};
 use std::io::{self, Read};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
@@ -33,6 +33,8 @@ pub struct Directory {
     open: directory::Directory,
     /// The lock file; its lock is released when the file is closed.
     lock: File,
+    /// True if this value has created the directory.
+    is_new: bool,
 }
 
 impl Directory {
@@ -60,6 +62,7 @@ impl Directory {
     /// other users could put files into it, [`NovramError::Io`] if it cannot be created or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
         let failed = |doing| move |source| NovramError::Io { path: path.to_owned(), doing, source };
+        let is_new = path.symlink_metadata().is_err();
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("make this directory"))?;
         let open =
             directory::Directory::open(path).map_err(|errno| failed("open this directory")(errno.into()))?;
@@ -70,7 +73,7 @@ impl Directory {
         let since = Instant::now();
         loop {
             match directory::writing::try_lock(&lock) {
-                Ok(true) => return Ok(Directory { path: path.to_owned(), open, lock }),
+                Ok(true) => return Ok(Directory { path: path.to_owned(), open, lock, is_new }),
                 Ok(false) if since.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(1)),
                 Ok(false) => return Err(NovramError::InUse { path: path.to_owned() }),
                 Err(error) => return Err(failed("lock this directory")(error)),
@@ -186,6 +189,19 @@ impl Directory {
 
     fn not_a_file(&self, name: &str, found: FileType) -> NovramError {
         not_a_file(self.path_of(name), found)
+    }
+}
+
+/// A start that is refused leaves no files: removes a new directory in which nothing was stored.
+impl Drop for Directory {
+    fn drop(&mut self) {
+        let is_lock = |entry: io::Result<DirEntry>| entry.is_ok_and(|entry| entry.file_name() == LOCK);
+        let is_unused = || std::fs::read_dir(&self.path).is_ok_and(|mut entries| entries.all(is_lock));
+        if self.is_new && self.has_lock() && is_unused() {
+            // An emulator that has opened the lock file in the meantime locks the directory again before it writes.
+            let _ = self.open.remove(LOCK);
+            let _ = std::fs::remove_dir(&self.path);
+        }
     }
 }
 
