@@ -26,6 +26,19 @@ fn endless_output_of_a_scenario_is_cut_and_ended() {
     );
 }
 
+/// Reports and logs of CI services consist of lines.
+#[test]
+fn a_line_end_in_the_name_of_a_scenario_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("a\npassed  forged.rhai"), "now();").unwrap();
+    for options in [&[][..], &["--list"]] {
+        let outcome = finish(commram().arg("test").arg(directory.path()).args(options));
+        let message = outcome.fails(2);
+        assert!(message.contains("a\\npassed  forged.rhai`: the name of a scenario must not"), "{message}");
+        assert_eq!((message.lines().count(), outcome.out.as_str()), (1, ""));
+    }
+}
+
 /// Text that a script prints, expects or is named must not control the terminal.
 #[test]
 fn control_characters_of_scripts_are_spelled_out() {

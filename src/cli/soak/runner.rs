@@ -77,7 +77,12 @@ impl RoundRunner {
                 let number = self.files.fetch_add(1, Ordering::Relaxed);
                 let home = self.directory.join(format!("{number}"));
                 let instance = format!("soak-{}-{number}", std::process::id());
-                (kills::NAME, (0, kills::play(&round, &home, instance, &stop).err()))
+                let why = kills::play(&round, &home, instance, &stop).err();
+                if why.is_none() {
+                    // An error is ignored: the directory is removed at the end.
+                    let _ = std::fs::remove_dir_all(&home);
+                }
+                (kills::NAME, (0, why))
             }
             _ => (round.exercise.name, self.run(&round, &stop)),
         };

@@ -93,6 +93,12 @@ pub(crate) fn scenarios(
             files.push(path.clone());
         }
     }
+    // A line end in a name would make false lines in reports and in the logs of CI services.
+    if let Some(file) = files.iter().find(|file| file.to_string_lossy().contains('\n')) {
+        let text = file.to_string_lossy().replace('\n', "\\n");
+        let right = "the name of a scenario must not contain a line end; rename the file".to_owned();
+        return Err(CliError::Argument { text, right });
+    }
     let mut known = HashSet::new();
     files.retain(|file| known.insert(identity(file)));
     if !filters.is_empty() {

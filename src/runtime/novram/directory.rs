@@ -192,13 +192,13 @@ impl Directory {
     }
 }
 
-/// A start that is refused leaves no files: removes a new directory in which nothing was stored.
+/// A refused start leaves no files: removes a new directory without contents.
 impl Drop for Directory {
     fn drop(&mut self) {
         let is_lock = |entry: io::Result<DirEntry>| entry.is_ok_and(|entry| entry.file_name() == LOCK);
         let is_unused = || std::fs::read_dir(&self.path).is_ok_and(|mut entries| entries.all(is_lock));
         if self.is_new && self.has_lock() && is_unused() {
-            // An emulator that has opened the lock file in the meantime locks the directory again before it writes.
+            // Another emulator may have opened the lock file already. It locks the directory again before it writes.
             let _ = self.open.remove(LOCK);
             let _ = std::fs::remove_dir(&self.path);
         }

@@ -12,7 +12,7 @@ use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
 use crate::layout::{DeviceLayout, Owner, did_you_mean};
 use crate::namesakes::Namesakes;
-use crate::whole_script::call_of;
+use crate::whole_script::{self, call_of};
 use core::cell::RefCell;
 use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
@@ -44,7 +44,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
     let (mut hooks, mut written, mut named, mut later) = (Hooks::default(), None, Named::default(), None);
     let mut namesakes = Namesakes::default();
     for (file, text) in script.files.iter() {
-        let compiled = engine.compile(text);
+        let compiled = whole_script::compile(&engine, text);
         let mut ast = compiled.map_err(|error| Mistake::misread(file, text, layout, &error))?;
         ast.set_source(file.as_str());
         let at = |(position, what): Wrong| Mistake { file: file.clone(), line: position.line(), what };
