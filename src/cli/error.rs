@@ -251,7 +251,7 @@ errors! {
     } => Exit::Failed,
     /// The emulator was requested to end and does not answer, and no signal can reach it.
     #[error(
-        "{source}; no process that this command can see holds the locks of '{instance}': {}", .place.text()
+        "{source}; no emulator that this command can see holds the locks of '{instance}': {}", .place.text()
     )]
     Unseen {
         instance: String,

@@ -7,6 +7,7 @@ use crate::memory::names::channel_root;
 use crate::memory::{
     AttachMode, EmulatorProcess, Image, ImageInfo, InstanceLock, MemoryError, RunningInstance,
 };
+use std::borrow::Cow;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -242,19 +243,29 @@ pub(crate) enum EmulatorPlace {
     Unknown,
     /// The emulator is in another PID namespace, or `/proc` does not show its locks.
     Elsewhere,
+    /// This process holds the locks, and is not an emulator.
+    Other(u32),
 }
 
 impl EmulatorPlace {
-    fn of_unseen() -> Self {
-        if Path::new("/proc/self/stat").exists() { Self::Elsewhere } else { Self::Unknown }
+    fn of_unseen(running: &RunningInstance) -> Self {
+        match running.other_holder() {
+            Some(pid) => Self::Other(pid),
+            None if Path::new("/proc/self/stat").exists() => Self::Elsewhere,
+            None => Self::Unknown,
+        }
     }
 
     /// The reason and the remedy, as the end of a message.
-    pub(crate) const fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> Cow<'static, str> {
         match self {
-            Self::Unknown => "`/proc` is missing here. Call `commram stop` where it is mounted",
+            Self::Unknown => "`/proc` is missing here. Call `commram stop` where it is mounted".into(),
             Self::Elsewhere => {
                 "the emulator runs in another PID namespace, such as a container. Call `commram stop` there"
+                    .into()
+            }
+            Self::Other(pid) => {
+                format!("process {pid} holds them, and is not an emulator; end it first").into()
             }
         }
     }
@@ -290,7 +301,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     while !running.has_ended() {
         if start.elapsed() > patience {
             if let Some(refused) = unseen {
-                let place = EmulatorPlace::of_unseen();
+                let place = EmulatorPlace::of_unseen(running);
                 return Err(CliError::Unseen { instance: name.to_owned(), place, source: Box::new(refused) });
             }
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });

@@ -2,7 +2,7 @@
 //! process of the same number.
 
 use super::file::{self, ImageFile};
-use super::process::ProcessId;
+use super::process::{ProcessId, read_kernel_file};
 use super::{MemoryError, locks};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -42,7 +42,8 @@ pub struct EmulatorProcess {
 }
 
 impl EmulatorProcess {
-    /// Returns the process that has locked `file` according to the kernel's table of locks. If the table shows no such
+    /// Returns the emulator that has locked `file` according to the kernel's table of locks. The file names it, or it has
+    /// mapped images; another program of this user may have locked the file of a killed emulator. If the table shows no such
     /// process, returns the process `signed`, which a file names, if the kernel shows the lock at its open files. `None`
     /// if the process has ended, belongs to another user, or is not visible in this pid namespace.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
@@ -52,7 +53,7 @@ impl EmulatorProcess {
             // The process may have ended before it was pinned, and another process may have its number. So the lock is
             // checked again.
             if locks::holder_of(file) == Some(pid) {
-                return Ok(process);
+                return Ok(process.filter(|process| signed == Some(process.id) || process.serves_images()));
             }
         }
         let Some(process) = signed.map_or(Ok(None), Self::pin)? else { return Ok(None) };
@@ -94,6 +95,12 @@ impl EmulatorProcess {
     #[cfg(feature = "cli")]
     pub(crate) fn is_stopped(&self) -> bool {
         self.id.is_stopped()
+    }
+
+    /// True if the process has mapped files in the directory of the images.
+    fn serves_images(&self) -> bool {
+        let maps = read_kernel_file(&format!("/proc/{}/maps", self.id.pid)).unwrap_or_default();
+        maps.lines().any(|line| line.contains(" /dev/shm/"))
     }
 
     fn pin(id: ProcessId) -> Result<Option<Self>, MemoryError> {
@@ -179,8 +186,10 @@ mod tests {
         let signed = ProcessId::of(bystander.id());
         let file = tempfile::tempfile_in(IMAGE_DIRECTORY).unwrap();
         file.lock().unwrap();
-        let found = EmulatorProcess::holding(&file, signed).unwrap().unwrap();
-        assert_eq!(found.pid(), std::process::id());
+        let pid_of = |signed| EmulatorProcess::holding(&file, signed).unwrap().map(|found| found.pid());
+        assert_eq!(pid_of(Some(ProcessId::own())), Some(std::process::id()));
+        // This process is an emulator if another test has mapped an image; the other process is none in any case.
+        assert_ne!(pid_of(signed), Some(bystander.id()));
         file.unlock().unwrap();
         assert!(EmulatorProcess::holding(&file, signed).unwrap().is_none(), "only a file names the process");
         let other = EmulatorProcess::pin(signed.unwrap()).unwrap().unwrap();

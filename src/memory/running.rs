@@ -118,6 +118,12 @@ impl RunningInstance {
         self.process.as_ref()
     }
 
+    /// Process id of a process that holds the locks and is not an emulator.
+    pub fn other_holder(&self) -> Option<u32> {
+        let holders = || self.files.iter().filter_map(|locked| super::locks::holder_of(&locked.file));
+        if self.process.is_some() { None } else { holders().next() }
+    }
+
     /// True if the emulator has stopped serving: its process has ended, or has released all its locks. The process of
     /// `commram with` continues until its command has ended.
     pub fn has_ended(&self) -> bool {

@@ -419,6 +419,38 @@ fn a_process_that_a_damaged_file_names_is_not_signalled() {
     let _ = bystander.wait();
 }
 
+/// Any program of this user can lock the files of a killed emulator.
+#[test]
+fn a_process_that_locks_the_files_of_a_killed_emulator_is_not_signalled() {
+    for name in ["lock", "image"] {
+        let mut emulator = Emulator::stepped();
+        let path = match name {
+            "lock" => directory(&emulator).join("lock"),
+            _ => Path::new("/dev/shm").join(format!("commram.{}.line", emulator.name)),
+        };
+        emulator.kill();
+        let mut other = Command::new("flock");
+        let mut other = other
+            .arg("--no-fork")
+            .arg(&path)
+            .args(["sh", "-c", "echo; exec sleep 600"])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::io::Read::read_exact(&mut other.stdout.take().unwrap(), &mut [0]).unwrap();
+        for arguments in [&[][..], &["--clean"]] {
+            let outcome = emulator.run("stop", arguments);
+            assert_eq!(outcome.code, Some(3), "{outcome:?}");
+            assert!(outcome.err.contains(&format!("process {}", other.id())), "{}", outcome.err);
+            assert!(other.try_wait().unwrap().is_none(), "{name} {arguments:?}");
+        }
+        let _ = other.kill();
+        let _ = other.wait();
+        emulator.run("stop", &["--clean"]).ok();
+        assert_eq!(emulator.files(), NOTHING);
+    }
+}
+
 /// Several clients remove the files of a killed emulator together.
 #[test]
 fn many_cleaning_clients_do_not_end_each_other() {
