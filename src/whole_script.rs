@@ -6,20 +6,22 @@ use rhai::{AST, ASTNode, Engine, Expr, FnCallExpr, ParseError, ParseErrorType, P
 /// Maximum number of positions at which an open comment is searched.
 const SEARCHED: usize = 16;
 
-/// Maximum number of cases of `switch` in a script. The engine compares each case with all earlier ones, so without a limit
-/// a script of some 100 KB takes minutes.
-const MOST_CASES: usize = 2_000;
+/// Signs of which a script has a limited number, with their meaning and the largest number. The engine compares each case and
+/// each block with all earlier ones, so without a limit a script of some 100 KB takes minutes.
+const LIMITED: [(&str, &str, usize); 2] = [("=>", "cases", 2_000), ("{", "blocks", 4_000)];
 
 /// Compiles a script.
 ///
 /// # Errors
-/// The parser does not accept the text, a block comment does not end, or the script has too many cases.
+/// The parser does not accept the text, a block comment does not end, or the script has too many cases or blocks.
 pub(crate) fn compile(engine: &Engine, text: &str) -> Result<AST, ParseError> {
-    // An arrow in a text or comment counts, too.
-    if let Some((at, _)) = text.match_indices("=>").nth(MOST_CASES) {
-        let what = "Number of cases (`=>`) in a script".to_owned();
-        let reason = ParseErrorType::LiteralTooLarge(what, MOST_CASES);
-        return Err(ParseError(Box::new(reason), position(text.get(..at).unwrap_or_default())));
+    for (sign, what, most) in LIMITED {
+        // A sign in a text or comment counts, too.
+        if let Some((at, _)) = text.match_indices(sign).nth(most) {
+            let reason =
+                ParseErrorType::LiteralTooLarge(format!("Number of {what} (`{sign}`) in a script"), most);
+            return Err(ParseError(Box::new(reason), position(text.get(..at).unwrap_or_default())));
+        }
     }
     let script = engine.compile(text)?;
     if !ends_in_comment(engine, text) {
@@ -63,17 +65,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_number_of_cases_is_limited() {
+    fn the_numbers_of_cases_and_blocks_are_limited() {
         let engine = Engine::new();
         let script = |count: usize| {
             let cases: String = (0..count).map(|case| format!("{case}=>1,\n")).collect();
             format!("switch 1 {{\n{cases}}}")
         };
-        assert!(compile(&engine, &script(MOST_CASES)).is_ok());
-        let error = compile(&engine, &script(MOST_CASES + 1)).unwrap_err();
+        assert!(compile(&engine, &script(2_000)).is_ok());
+        let error = compile(&engine, &script(2_001)).unwrap_err();
         assert_eq!(error.1, Position::new(2002, 5));
         let text = error.0.to_string();
         assert_eq!(text, "Number of cases (`=>`) in a script exceeds the maximum limit (2000)");
+        assert!(compile(&engine, &"{}".repeat(4_000)).is_ok());
+        let error = compile(&engine, &"{}".repeat(4_001)).unwrap_err();
+        assert!(error.0.to_string().starts_with("Number of blocks (`{`) in a script exceeds"), "{}", error.0);
     }
 
     #[test]
