@@ -8,7 +8,7 @@ const SEARCHED: usize = 16;
 
 /// Signs of which a script has a limited number, with their meaning and the largest number. The engine compares each case and
 /// each block with all earlier ones, so without a limit a script of some 100 KB takes minutes.
-const LIMITED: [(&str, &str, usize); 2] = [("=>", "cases", 2_000), ("{", "blocks", 4_000)];
+const LIMITED: [(&str, &str, usize); 2] = [("=>", "cases", 5_000), ("{", "blocks", 6_000)];
 
 /// Compiles a script.
 ///
@@ -71,13 +71,13 @@ mod tests {
             let cases: String = (0..count).map(|case| format!("{case}=>1,\n")).collect();
             format!("switch 1 {{\n{cases}}}")
         };
-        assert!(compile(&engine, &script(2_000)).is_ok());
-        let error = compile(&engine, &script(2_001)).unwrap_err();
-        assert_eq!(error.1, Position::new(2002, 5));
+        assert!(compile(&engine, &script(5_000)).is_ok());
+        let error = compile(&engine, &script(5_001)).unwrap_err();
+        assert_eq!(error.1, Position::new(5002, 5));
         let text = error.0.to_string();
-        assert_eq!(text, "Number of cases (`=>`) in a script exceeds the maximum limit (2000)");
-        assert!(compile(&engine, &"{}".repeat(4_000)).is_ok());
-        let error = compile(&engine, &"{}".repeat(4_001)).unwrap_err();
+        assert_eq!(text, "Number of cases (`=>`) in a script exceeds the maximum limit (5000)");
+        assert!(compile(&engine, &"{}".repeat(6_000)).is_ok());
+        let error = compile(&engine, &"{}".repeat(6_001)).unwrap_err();
         assert!(error.0.to_string().starts_with("Number of blocks (`{`) in a script exceeds"), "{}", error.0);
     }
 
