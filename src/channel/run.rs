@@ -105,6 +105,12 @@ impl Run {
         Self::contains(ops, Op::Follow { plc, offset: 0, len: 0, keep: Keep::ForOnlookers })
     }
 
+    /// True if an operation reads the journal or changes of registers.
+    pub(crate) fn asks_to_read(ops: &[WireOp]) -> bool {
+        Self::contains(ops, Op::Journal { from: 0, max: 0 })
+            || Self::contains(ops, Op::Changes { from: 0, max: 0 })
+    }
+
     fn contains(ops: &[WireOp], op: Op) -> bool {
         let kind = WireOp::from(&op).kind;
         ops.iter().any(|op| op.kind == kind)

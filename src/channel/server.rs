@@ -277,8 +277,10 @@ impl Server {
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset(request.origin().value());
             self.make_room(host, &request);
-            let present = || clients_of(self.service.as_ref(), |_| true);
-            self.followers.note(request.origin().value(), request.payload(), MAX_CLIENTS, present);
+            if Run::asks_to_read(request.payload()) {
+                let present = || clients_of(self.service.as_ref(), |_| true);
+                self.followers.note(request.origin().value(), request.payload(), MAX_CLIENTS, present);
+            }
             if Run::asks_to_end(request.payload()) {
                 run.set_process(self.process_of(request.origin()));
             }

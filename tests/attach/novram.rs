@@ -19,20 +19,22 @@ fn block(directory: &Path) -> PathBuf {
     new
 }
 
+/// Stops an emulator that cannot write its NOVRAM, and checks both exit codes. Returns what it has complained about.
+fn stop_with_a_loss(emulator: &mut Emulator) -> String {
+    let stopped = emulator.run("stop", &[]);
+    let lost = "could not write NOVRAM: the last changes are lost";
+    assert!(stopped.fails(1).contains(lost), "{}", stopped.err);
+    assert_eq!(emulator.wait().code(), Some(1));
+    emulator.complaints()
+}
+
 #[test]
 fn the_exit_code_reports_a_lost_flag() {
     let directory = tempfile::tempdir().unwrap();
     let mut emulator = Emulator::start(&["--novram", directory.path().to_str().unwrap()]);
     let _in_the_way = block(directory.path());
     set_flag(&emulator, 7);
-    let stopped = emulator.run("stop", &[]);
-    assert!(
-        stopped.fails(1).contains("could not write NOVRAM: the last changes are lost"),
-        "{}",
-        stopped.err
-    );
-    assert_eq!(emulator.wait().code(), Some(1));
-    let complaints = emulator.complaints();
+    let complaints = stop_with_a_loss(&mut emulator);
     assert!(complaints.contains("the last changes are lost"), "{complaints}");
     assert!(emulator.files().is_empty(), "the rest ends cleanly");
 }
@@ -66,14 +68,7 @@ fn two_emulators_never_write_to_one_directory() {
     fs::remove_file(&lock).unwrap();
     let mut second = Emulator::start(&arguments);
     set_flag(&first, 8);
-    let stopped = first.run("stop", &[]);
-    assert!(
-        stopped.fails(1).contains("could not write NOVRAM: the last changes are lost"),
-        "{}",
-        stopped.err
-    );
-    assert_eq!(first.wait().code(), Some(1));
-    let complaints = first.complaints();
+    let complaints = stop_with_a_loss(&mut first);
     assert!(complaints.contains("another emulator uses this directory"), "{complaints}");
     assert_eq!(second.peek(&["%MB10000000"]), "16#07");
     second.run("stop", &[]).ok();
