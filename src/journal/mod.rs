@@ -250,12 +250,17 @@ impl Journal {
         self.history.is_recorded(plc, offset)
     }
 
+    /// Writes the changes that `find` notes into the journal.
+    fn push_changes(&mut self, time_us: u64, find: impl FnOnce(&mut History, &mut dyn FnMut(Changed))) {
+        let mut noted = Vec::new();
+        find(&mut self.history, &mut |change| noted.push(change));
+        noted.into_iter().for_each(|change| self.push(time_us, change));
+    }
+
     /// Compares the followed registers with their previous values.
     #[cold]
     pub(crate) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams) {
-        let mut noted = Vec::new();
-        self.history.compare(time_us, by, rams, |change| noted.push(change));
-        noted.into_iter().for_each(|change| self.push(time_us, change));
+        self.push_changes(time_us, |history, note| history.compare(time_us, by, rams, note));
     }
 
     /// Compares the followed registers in these bytes of a PLC with their previous values.
@@ -266,9 +271,7 @@ impl Journal {
         by: By,
         rams: &impl Rams,
     ) {
-        let mut noted = Vec::new();
-        self.history.compare_in(registers, time_us, by, rams, |change| noted.push(change));
-        noted.into_iter().for_each(|change| self.push(time_us, change));
+        self.push_changes(time_us, |history, note| history.compare_in(registers, time_us, by, rams, note));
     }
 
     /// Notifies observers that the plant has moved to another moment.
@@ -279,9 +282,7 @@ impl Journal {
 
     #[cold]
     fn stored(&mut self, time_us: u64, stored: Stored) {
-        let mut noted = Vec::new();
-        self.history.stored(time_us, stored, |change| noted.push(change));
-        noted.into_iter().for_each(|change| self.push(time_us, change));
+        self.push_changes(time_us, |history, note| history.stored(time_us, stored, note));
     }
 
     /// Returns at most `max` changes of registers that are followed for observers, from number `from` on, and the
