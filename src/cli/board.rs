@@ -283,15 +283,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn one(command: &str, plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<(), CliError> {
-    set(instance, &[BoardAssignment::of(command, plc, setting)]).map_err(|error| match error {
-        CliError::WhichPlc { instance, plcs, example, .. } => {
-            let right = format!(
-                "it has several PLCs ({plcs}); write for example `commram board {command} {example}`"
-            );
-            CliError::Argument { text: instance, right }
-        }
-        other => other,
-    })
+    set(instance, &[BoardAssignment::of(command, plc, setting)])
+        .map_err(|error| error.with_command(|plc| format!("commram board {command} {plc}")))
 }
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {

@@ -413,6 +413,19 @@ impl CliError {
     pub(crate) fn is_reported(&self) -> bool {
         matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended(_) | Self::BrokenPipe)
     }
+
+    /// Replaces the example in [`CliError::WhichPlc`] by a command for this PLC, because the user has named no register.
+    #[must_use]
+    pub(crate) fn with_command(self, command: impl FnOnce(&str) -> String) -> Self {
+        match self {
+            Self::WhichPlc { instance, plcs, example, .. } => {
+                let right =
+                    format!("it has several PLCs ({plcs}); write for example `{}`", command(&example));
+                Self::Argument { text: instance, right }
+            }
+            other => other,
+        }
+    }
 }
 
 impl From<DemoError> for CliError {

@@ -56,13 +56,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let fitted = match &args.instance {
         Some(instance) => {
             let session = Session::open_for_reading(&Instance::starting(instance))?;
-            session.fitted(session.plc(plc, what).map_err(|error| match error {
-                CliError::WhichPlc { instance, plcs, example, .. } if what.is_empty() => {
-                    let right =
-                        format!("it has several PLCs ({plcs}); write for example `commram map {example}:`");
-                    CliError::Argument { text: instance, right }
-                }
-                other => other,
+            let plc = session.plc(plc, what);
+            session.fitted(plc.map_err(|error| match what {
+                "" => error.with_command(|plc| format!("commram map {plc}:")),
+                _ => error,
             })?)
         }
         // If the user has not named an instance, only the device is known, and not its options.
