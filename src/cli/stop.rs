@@ -4,9 +4,7 @@ use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
 use super::{InstanceName, output};
 use crate::memory::names::channel_root;
-use crate::memory::{
-    AttachMode, EmulatorProcess, Image, ImageInfo, InstanceLock, MemoryError, RunningInstance,
-};
+use crate::memory::{AttachMode, EmulatorProcess, Image, InstanceLock, MemoryError, RunningInstance};
 use std::borrow::Cow;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
@@ -278,10 +276,6 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
     let mut let_go_on = go_on(name, process);
     let_go_on()?;
-    // An image that was attached before the end still shows the final state of the emulator when its file has been
-    // removed.
-    let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
-    let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
     let pid = process.map(EmulatorProcess::pid).or_else(|| alive(&images_of(name).ok()?));
     let refused = ask(name, running).err();
     let mut terminate = {
@@ -318,7 +312,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if running.has_left_files() {
         return Err(CliError::Dead { instance: name.to_owned(), pid: pid.unwrap_or_default() });
     }
-    match image.is_some_and(|image| image.is_unsaved()) {
+    match running.is_unsaved() {
         true => Err(CliError::Unsaved { instance: name.to_owned() }),
         false => Ok(()),
     }

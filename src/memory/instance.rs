@@ -18,8 +18,10 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// The file in the instance's directory; holds process id and start time of the process that has the lock.
+/// The file in the instance's directory; its first line is process id and start time of the process that has the lock.
 pub(super) const LOCK: &str = "lock";
+/// Second line of a lock file: the emulator is ending, and could not save the changes in NOVRAM.
+const UNSAVED: &str = "unsaved";
 /// Word in a lock file, after the process: this process only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
 /// Longest wait for a lock. Its holder may be an emulator that ends, or a client that checks the lock.
@@ -90,6 +92,14 @@ impl InstanceLock {
             }
             std::thread::sleep(Duration::from_millis(1));
         }
+    }
+
+    /// Records that changes in NOVRAM could not be saved. A process that waits for the end of the emulator reads this from
+    /// the open lock file, also if the images have been removed before it looked for them.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn set_unsaved(&self) {
+        // If another program has damaged the file, the header pages of the images have the same information.
+        let _ = self.file.write_all_at(format!("{}\n{UNSAVED}\n", ProcessId::own()).as_bytes(), 0);
     }
 
     /// Returns the holder of the lock of `instance`: `None` if it is free, `Some(None)` if the process is in another
@@ -171,7 +181,12 @@ fn signature(file: &File) -> Option<String> {
 
 /// Returns the emulator named in a lock file. Any program of this user can write this name.
 pub(super) fn signer(file: &File) -> Option<ProcessId> {
-    ProcessId::parse(&signature(file)?)
+    ProcessId::parse(signature(file)?.lines().next()?)
+}
+
+/// True if the emulator that holds a lock file, or has held it, could not save the changes in NOVRAM.
+pub(super) fn is_unsaved(file: &File) -> bool {
+    signature(file).is_some_and(|text| text.lines().nth(1) == Some(UNSAVED))
 }
 
 /// True if the process that holds a lock file only removes the files of a killed emulator.

@@ -7,10 +7,11 @@
 use super::file::ImageFile;
 use super::instance::{self, LOCK};
 use super::private::PrivateDir;
-use super::{EmulatorProcess, MemoryError, file, limits, list, names};
+use super::{EmulatorProcess, Header, MemoryError, State, file, limits, list, names};
 use rustix::fs::{fstat, lstat};
 use rustix::io::Errno;
 use std::fs::{File, TryLockError};
+use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -139,6 +140,12 @@ impl RunningInstance {
         }
     }
 
+    /// Called after the end of the emulator. True if it could not save the changes in NOVRAM. The open files tell this
+    /// although they have been removed.
+    pub fn is_unsaved(&self) -> bool {
+        self.files.iter().any(LockedFile::is_unsaved)
+    }
+
     /// Called after the end of the emulator. True if its files still have their names, because it was killed before it
     /// removed them. Files that another emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
@@ -147,6 +154,16 @@ impl RunningInstance {
 }
 
 impl LockedFile {
+    /// True if the file is the lock or an image of an emulator that could not save the changes in NOVRAM.
+    fn is_unsaved(&self) -> bool {
+        if self.path.ends_with(LOCK) {
+            return instance::is_unsaved(&self.file);
+        }
+        let mut state = [0; 4];
+        let read = self.file.read_exact_at(&mut state, core::mem::offset_of!(Header, state) as u64);
+        read.is_ok() && State::from_code(u32::from_le_bytes(state)) == Some(State::Unsaved)
+    }
+
     /// True if a process holds the exclusive lock. Takes a shared lock for a moment.
     fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
@@ -214,6 +231,24 @@ mod tests {
         assert!(!running.has_ended());
         emulator.kill();
         assert!(running.has_ended() && running.has_left_files() && find(&instance).is_none());
+    }
+
+    #[test]
+    fn the_lock_of_an_ended_emulator_tells_that_novram_is_lost() {
+        let instance = Instance::new();
+        let lock = InstanceLock::take(&instance).unwrap();
+        let (early, pid) = (find(&instance).unwrap(), std::process::id());
+        assert!(!early.is_unsaved());
+        lock.set_unsaved();
+        let late = find(&instance).unwrap();
+        assert_eq!(late.process().unwrap().pid(), pid);
+        drop(lock);
+        for running in [early, late] {
+            assert!(running.has_ended() && !running.has_left_files() && running.is_unsaved());
+        }
+        let next = InstanceLock::take(&instance).unwrap();
+        assert!(!find(&instance).unwrap().is_unsaved());
+        drop(next);
     }
 
     #[test]

@@ -121,7 +121,7 @@ pub struct Emulator {
     channel_watch: Option<crate::channel::ChannelWatch>,
     /// Declared after the images and the server, and so dropped after them: until then no other process may take the
     /// name of the instance.
-    _lock: InstanceLock,
+    lock: InstanceLock,
 }
 
 impl Emulator {
@@ -239,7 +239,7 @@ impl Emulator {
             stop: stop.stop,
             watch,
             images,
-            _lock: lock,
+            lock,
             #[cfg(feature = "channel")]
             events,
             #[cfg(feature = "channel")]
@@ -339,6 +339,7 @@ impl Emulator {
         let saved = self.close_novram();
         if saved.is_err() && self.options.novram.is_some() {
             self.images.iter_mut().for_each(Image::set_unsaved);
+            self.lock.set_unsaved();
         }
         self.close_channel();
         outcome.and(saved)

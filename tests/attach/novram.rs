@@ -5,7 +5,7 @@ use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, RETAIN};
 use commram::memory::{AttachMode, Image, Width};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 fn set_flag(emulator: &Emulator, value: u32) {
     let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
@@ -37,6 +37,31 @@ fn the_exit_code_reports_a_lost_flag() {
     let complaints = stop_with_a_loss(&mut emulator);
     assert!(complaints.contains("the last changes are lost"), "{complaints}");
     assert!(emulator.files().is_empty(), "the rest ends cleanly");
+}
+
+/// Several clients, of which one ends the emulator, or a signal that comes first: each client that reports the end also
+/// reports the loss. A client that arrives after the end finds no instance.
+#[test]
+fn every_client_that_waits_for_the_end_reports_a_lost_flag() {
+    for round in 0..6 {
+        let directory = tempfile::tempdir().unwrap();
+        let mut emulator = Emulator::start(&["--novram", directory.path().to_str().unwrap()]);
+        block(directory.path());
+        set_flag(&emulator, 7);
+        if round % 2 == 1 {
+            emulator.signal("-TERM");
+        }
+        let stop = || emulator.command("stop", &[]).stderr(Stdio::piped()).spawn().unwrap();
+        let clients: Vec<_> = (0..4).map(|_| stop()).collect();
+        let outcomes = clients.into_iter().map(|client| client.wait_with_output().unwrap());
+        for outcome in outcomes.collect::<Vec<_>>() {
+            let said = String::from_utf8(outcome.stderr).unwrap();
+            let is_late = outcome.status.code() == Some(3) && said.contains("is not running");
+            let reports = outcome.status.code() == Some(1) && said.contains("the last changes are lost");
+            assert!(is_late || reports, "round {round}, {}: {said}", outcome.status);
+        }
+        assert_eq!(emulator.wait().code(), Some(1));
+    }
 }
 
 #[test]
