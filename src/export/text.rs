@@ -102,7 +102,8 @@ pub(crate) fn remark(register: &Register) -> String {
     let used = used(register).filter(|_| !register.reserved);
     let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
     let Register { owner, doc, page, .. } = register;
-    let inferred = inferred(&register.provenance());
+    let inferred = Provenance::inferred(&register.facts());
+    let inferred = inferred.map_or_else(String::new, |facts| format!("; inferred: {facts}"));
     let sources = match page.is_empty() {
         true => inferred.trim_start_matches("; ").to_owned(),
         false => format!("p. {page}{inferred}"),
@@ -120,15 +121,6 @@ pub(crate) fn pages(page: &str) -> String {
 /// Suffix of a variable: empty, or the decision from which its name follows.
 pub(crate) fn made_up(placed: &AreaStructure) -> Option<String> {
     placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
-}
-
-/// Suffix of a page: empty, or the decisions.
-fn inferred(provenance: &str) -> String {
-    if provenance == Provenance::Manual.to_string() {
-        String::new()
-    } else {
-        format!("; inferred: {provenance}")
-    }
 }
 
 /// Returns the decisions for the facts about the registers of a structure; `None` if all are documented.

@@ -16,10 +16,18 @@ const UNITS: &str = "\
   </UnitDefinitions>
 ";
 
+/// Explains the marks of inferred facts.
+const MARKS: &str = "\
+<!-- A description names the facts of a register that the manual does not state after \"inferred:\", each with the
+     decision (D-nn) from which it follows. The pages decisions.md in the documentation of commram give the reasons. Do not
+     take those facts, above all offsets, for the device's without a check. -->
+";
+
 /// Generates the model description. `name` is the name of the model in tools.
 #[must_use]
 pub fn description(unit: &Unit, name: &str) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    xml.push_str(MARKS);
     let version = env!("CARGO_PKG_VERSION");
     let _ = writeln!(
         xml,
@@ -143,5 +151,15 @@ mod tests {
         let expected = variables.iter().filter(|causality| *causality == "output").count();
         assert_eq!((outputs, unknowns), (expected, expected));
         assert!(xml.contains("modelName=\"built-in &amp; &quot;more&quot;\""));
+        assert!(xml.contains("decision (D-nn)"));
+    }
+
+    #[test]
+    fn a_description_names_the_inferred_facts() {
+        let unit = Unit::new(&Resources::built_in(Vec::new()).unwrap()).unwrap();
+        let about = |name: &str| &unit.variables().iter().find(|it| it.name == name).unwrap().description;
+        let inferred = "; manual p. 102, 108, 116; inferred: area D-220, name D-150, offset D-150, type D-150, owner D-150";
+        assert!(about("baps.a_RD_VALUE[7]").contains(inferred), "{}", about("baps.a_RD_VALUE[7]"));
+        assert!(!about("node2.w_CPU_CONTROL").contains("name D-"), "the manual has this name");
     }
 }

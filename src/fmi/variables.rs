@@ -1,7 +1,9 @@
 //! The variables of a unit: list, names and descriptions.
 
 use crate::identity::DeviceIndex;
-use crate::layout::{DeviceFit, Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
+use crate::layout::{
+    DeviceFit, Fit, LayoutError, Owner, Provenance, RegType, RegisterRef, Width, plc_prefix, split_plc,
+};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
@@ -268,7 +270,11 @@ fn of_register(plant: &Plant, plc: DeviceIndex, prefix: &str, register: &Registe
     let doc = if doc.is_empty() { String::new() } else { format!("{doc}; ") };
     let page = register.register.page;
     let page = if page.is_empty() { String::new() } else { format!("; manual p. {page}") };
-    let description = format!("{doc}{written_by}; {}{page}", register.address());
+    let mut facts = vec![("area", register.area.name_from)];
+    facts.extend(register.register.facts());
+    let inferred = Provenance::inferred(&facts);
+    let inferred = inferred.map_or_else(String::new, |facts| format!("; inferred: {facts}"));
+    let description = format!("{doc}{written_by}; {}{page}{inferred}", register.address());
     let variable = |name, causality, start| Variable {
         name,
         description: description.clone(),

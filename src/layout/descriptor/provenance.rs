@@ -26,9 +26,14 @@ impl Provenance {
     /// Returns `manual`, or the inferred facts with their decisions: `offset D-02, reset D-320`.
     #[must_use]
     pub fn summary(facts: &[(&str, Self)]) -> String {
+        Self::inferred(facts).unwrap_or_else(|| Self::Manual.to_string())
+    }
+
+    /// Returns the inferred facts with their decisions: `offset D-02, reset D-320`; `None` if all are documented.
+    pub(crate) fn inferred(facts: &[(&str, Self)]) -> Option<String> {
         let inferred: Vec<_> =
             facts.iter().filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?))).collect();
-        if inferred.is_empty() { Self::Manual.to_string() } else { inferred.join(", ") }
+        (!inferred.is_empty()).then(|| inferred.join(", "))
     }
 }
 
