@@ -2,13 +2,16 @@
 //! previous file, which it then replaces. So a reader never finds an incomplete file, and a full disk does not destroy
 //! the previous file. If a process is killed before the replacement, the new file remains under its temporary name; the
 //! next write of the same output file removes it.
+//!
+//! A link of another user is not followed at the place of an output file: it could lead to any file of this user. In a
+//! directory that is not sticky, the kernel follows such links.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, TryLockError};
 use std::io::{ErrorKind, Result, Write};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Maximum number of temporary names to try. Files of killed processes may have the same names.
 const TRIES: u32 = 16;
@@ -18,10 +21,36 @@ const LONGEST_STEM: usize = 228;
 /// Maximum number of symbolic links in a chain.
 const MOST_LINKS: u32 = 40;
 
-/// Writes like a shell's `>`: follows links, and writes to pipes and devices. A file keeps its permissions.
+/// The reason why nothing is written: another user has created the entry of this path. It is the reason of an
+/// [`std::io::Error`].
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{kind} {} belongs to user {owner}, and may lead to files that others own or change; choose another place, or \
+     remove it and create your own", .path.display()
+)]
+pub(crate) struct ForeignEntry {
+    /// "the link" or "the directory".
+    kind: &'static str,
+    path: PathBuf,
+    owner: u32,
+}
+
+impl ForeignEntry {
+    /// Returns the error if the entry belongs neither to this user nor to root.
+    fn check(kind: &'static str, path: &Path, found: &Metadata) -> Result<()> {
+        let owner = found.uid();
+        if owner == 0 || owner == rustix::process::geteuid().as_raw() {
+            return Ok(());
+        }
+        Err(std::io::Error::other(Self { kind, path: path.to_owned(), owner }))
+    }
+}
+
+/// Writes like a shell's `>`: follows links of this user and of root, and writes to pipes and devices. A file keeps its
+/// permissions.
 ///
 /// # Errors
-/// The file cannot be written. After an error, its contents are unchanged, unless the file had to be overwritten
+/// [`ForeignEntry`], or the file cannot be written. After an error, its contents are unchanged, unless the file had to be overwritten
 /// because no new file can be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Prepared::new(path, bytes)?.finish()
@@ -81,7 +110,7 @@ impl<'a> Prepared<'a> {
     fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let before = fs::metadata(path);
         let is_file = before.as_ref().map_or(true, Metadata::is_file);
-        let begun = match end_of_links(path).filter(|_| is_file) {
+        let begun = match end_of_links(path)?.filter(|_| is_file) {
             None if is_file => {
                 // No new file can be created here, so the existing file will be overwritten. This checks that it exists
                 // and can be written.
@@ -229,29 +258,92 @@ pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
     is_file(one)
         && is_file(other)
         && match (end_of_links(one), end_of_links(other)) {
-            (Some(one), Some(other)) => one == other,
+            (Ok(Some(one)), Ok(Some(other))) => one == other,
             _ => one == other,
         }
 }
 
 /// Returns the path of the file to which the links lead; the file need not exist. `None` if the name means an open file
 /// of a process, such as `/dev/stdout`, because other processes may have it open too.
-fn end_of_links(path: &Path) -> Option<PathBuf> {
+///
+/// # Errors
+/// [`ForeignEntry`]: one of the links belongs to another user.
+fn end_of_links(path: &Path) -> Result<Option<PathBuf>> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
-        let name = path.file_name()?.to_owned();
+        let Some(name) = path.file_name().map(OsStr::to_owned) else { return Ok(None) };
         let directory = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let directory = directory.canonicalize().ok()?;
+        let Ok(directory) = directory.canonicalize() else { return Ok(None) };
         if directory.starts_with("/proc") {
-            return None;
+            return Ok(None);
         }
         let place = directory.join(name);
-        match fs::read_link(&place) {
-            Ok(target) => path = directory.join(target),
-            Err(_) => return Some(place),
+        let Ok(target) = fs::read_link(&place) else { return Ok(Some(place)) };
+        ForeignEntry::check("the link", &place, &place.symlink_metadata()?)?;
+        path = directory.join(target);
+    }
+    Ok(None)
+}
+
+/// Opens a file to append to it, with the creation mode `mode`. Follows the same links as [`write()`].
+///
+/// # Errors
+/// [`ForeignEntry`], or the file cannot be opened.
+pub(crate) fn open_to_append(path: &Path, mode: u32) -> Result<File> {
+    end_of_links(path)?;
+    File::options().create(true).append(true).mode(mode).open(path)
+}
+
+/// Creates a directory of an output file, with its missing parents. A directory of another user is accepted: a group may
+/// share it.
+///
+/// # Errors
+/// [`ForeignEntry`]: the directory is a link of another user. Or a directory cannot be created.
+pub(crate) fn create_directories(directory: &Path) -> Result<()> {
+    check_links(directory)?;
+    fs::create_dir_all(directory)
+}
+
+/// Creates the directory of a set of files that a command names itself, with its missing parents.
+///
+/// # Errors
+/// Returns the errors of [`create_directories()`] and [`check_own_place()`].
+pub(crate) fn create_own_place(directory: &Path) -> Result<()> {
+    check_own_place(directory)?;
+    create_directories(directory)
+}
+
+/// Refuses an existing directory that another user has created where a command would create its own one. If the user of
+/// the directory also owns its parent, this user has the files anyway, for example a project that is mounted into a
+/// container. The same is true for `.` and `..`, which no command creates.
+///
+/// # Errors
+/// [`ForeignEntry`]
+pub(crate) fn check_own_place(directory: &Path) -> Result<()> {
+    check_links(directory)?;
+    if !matches!(directory.components().next_back(), Some(Component::Normal(_))) {
+        return Ok(());
+    }
+    let parent = directory.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (fs::metadata(directory), fs::metadata(parent)) {
+        (Ok(found), Ok(parent)) if found.uid() != parent.uid() => {
+            ForeignEntry::check("the directory", directory, &found)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a link of another user in place of the directory, or of its nearest existing parent.
+fn check_links(directory: &Path) -> Result<()> {
+    let mut entries = directory.ancestors().filter_map(|path| Some((path, path.symlink_metadata().ok()?)));
+    if let Some((nearest, found)) = entries.next() {
+        if found.is_symlink() {
+            ForeignEntry::check("the link", nearest, &found)?;
+            // The following links of a chain are those of a file.
+            end_of_links(nearest)?;
         }
     }
-    None
+    Ok(())
 }
 
 #[cfg(test)]
@@ -318,6 +410,50 @@ mod tests {
         symlink("loop", at("loop")).unwrap();
         assert!(write(&at("loop"), b"").is_err());
         assert_eq!(names(directory.path()), ["a", "b", "c", "loop"]);
+    }
+
+    /// Only root can give a link to another user. So the test does nothing if it is not run by root.
+    #[test]
+    fn links_and_directories_of_another_user_are_refused() {
+        const OTHER: u32 = 65_534;
+        if !rustix::process::geteuid().is_root() {
+            return;
+        }
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let give = |name: &str| std::os::unix::fs::lchown(at(name), Some(OTHER), Some(OTHER)).unwrap();
+        let owner = |error: std::io::Error| error.downcast::<ForeignEntry>().unwrap().owner;
+        fs::create_dir(at("mine")).unwrap();
+        fs::write(at("mine/file"), "precious").unwrap();
+        for (link, target) in
+            [("file", "mine/file"), ("first", "file"), ("new", "mine/new"), ("folder", "mine")]
+        {
+            symlink(target, at(link)).unwrap();
+            if link != "first" {
+                give(link);
+            }
+        }
+        for link in ["file", "first", "new"] {
+            assert_eq!(owner(write(&at(link), b"").unwrap_err()), OTHER, "{link}");
+            let (path, error) = write_together([(at(link).as_path(), "")]).unwrap_err();
+            assert_eq!((path, owner(error)), (at(link), OTHER), "{link}");
+            assert_eq!(owner(open_to_append(&at(link), 0o600).unwrap_err()), OTHER, "{link}");
+        }
+        for directory in ["folder", "folder/missing"] {
+            assert_eq!(owner(create_directories(&at(directory)).unwrap_err()), OTHER, "{directory}");
+        }
+        fs::create_dir(at("theirs")).unwrap();
+        give("theirs");
+        assert_eq!(owner(create_own_place(&at("theirs")).unwrap_err()), OTHER);
+        create_directories(&at("theirs")).unwrap();
+        // A user that owns the parent too can do everything anyway.
+        fs::create_dir(at("theirs/inner")).unwrap();
+        give("theirs/inner");
+        create_own_place(&at("theirs/inner")).unwrap();
+        create_own_place(&at("mine/deep/er")).unwrap();
+        assert_eq!(names(&at("mine")), ["deep", "file"]);
+        assert_eq!(fs::read(at("mine/file")).unwrap(), b"precious");
+        assert_eq!(names(&at("theirs")), ["inner"]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::start::in_thread;
 use super::{descriptors, output, parse};
+use crate::output_file;
 use rustix::fs::Stat;
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal};
@@ -122,8 +123,7 @@ impl Detached {
             let path = path.to_owned();
             move |reason: io::Error| CliError::File { path, reason }
         };
-        let open =
-            |path: &Path| OpenOptions::new().create(true).append(true).open(path).map_err(failed(path));
+        let open = |path: &Path| output_file::open_to_append(path, 0o666).map_err(failed(path));
         let nothing = Path::new("/dev/null");
         let nothing = OpenOptions::new().write(true).open(nothing).map_err(failed(nothing))?;
         if let Some(log) = log {

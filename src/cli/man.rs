@@ -4,7 +4,6 @@ use super::{error::CliError, parse};
 use crate::input_file::is_standard;
 use crate::output_file;
 use clap::Command;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Write manual pages for `man`, one for each command, into a directory.
@@ -29,7 +28,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let path = path.to_owned();
         move |reason| CliError::File { path, reason }
     };
-    fs::create_dir_all(&args.directory).map_err(failed(&args.directory))?;
+    output_file::create_own_place(&args.directory).map_err(failed(&args.directory))?;
     let mut all = parse::command().disable_help_subcommand(true);
     all.build();
     let mut commands = vec![(all.get_name().to_owned(), all)];

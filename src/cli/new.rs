@@ -118,14 +118,18 @@ fn create_device(args: &Args) -> Result<(), CliError> {
 /// Creates the files, and prints their paths and the next commands.
 fn write(directory: &Path, files: Vec<(&'static str, String)>, commands: &str) -> Result<(), CliError> {
     let files: Vec<_> = files.into_iter().map(|(name, text)| (directory.join(name), text)).collect();
-    create(&files, &Interrupts::catch()?)?;
+    create(directory, &files, &Interrupts::catch()?)?;
     let names: String = files.iter().map(|(path, _)| format!("{}\n", path.display())).collect();
     output::print(&output::harmless(&format!("{names}\nNext:\n{commands}")))
 }
 
-/// Creates all files, or none after an error or an interrupt.
-fn create(files: &[(PathBuf, String)], interrupts: &Interrupts) -> Result<(), CliError> {
+/// Creates all files in the directory, or none after an error or an interrupt.
+fn create(directory: &Path, files: &[(PathBuf, String)], interrupts: &Interrupts) -> Result<(), CliError> {
     for (path, _) in files {
+        for above in path.ancestors().skip(1).take_while(|above| above.starts_with(directory)) {
+            output_file::check_own_place(above)
+                .map_err(|reason| CliError::File { path: path.clone(), reason })?;
+        }
         if path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }

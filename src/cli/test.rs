@@ -364,7 +364,8 @@ fn define(directory: &Path) -> Result<(), CliError> {
         return output::print(DEFINITIONS);
     }
     let path = directory.join("commram.d.rhai");
-    std::fs::create_dir_all(directory).map_err(|reason| CliError::File { path: path.clone(), reason })?;
+    output_file::create_own_place(directory)
+        .map_err(|reason| CliError::File { path: path.clone(), reason })?;
     write(&path, DEFINITIONS)?;
     output::print(&output::harmless(&format!("{}\n", path.display())))
 }
@@ -476,7 +477,7 @@ fn write_report(path: &Path, text: &str) -> Result<(), CliError> {
 /// Creates the missing directories of a file.
 fn create_directory(file: &Path) -> io::Result<()> {
     match file.parent() {
-        Some(directory) if !directory.as_os_str().is_empty() => std::fs::create_dir_all(directory),
+        Some(directory) if !directory.as_os_str().is_empty() => output_file::create_directories(directory),
         _ => Ok(()),
     }
 }

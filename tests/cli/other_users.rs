@@ -327,3 +327,59 @@ fn objects_of_other_users_with_the_channels_prefix_block_no_client() {
     stop.ok();
     assert_eq!(emulator.wait().code(), Some(0));
 }
+
+/// In a directory that is not sticky, the kernel follows links of all users.
+#[test]
+fn output_files_follow_no_link_of_another_user() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (emulator, victim) = (Emulator::stepped(), victim());
+    let (shared, own) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let path = |name: &str| shared.path().join(name).to_str().unwrap().to_owned();
+    let link = |target: &std::path::Path, name: &str| {
+        symlink(target, path(name)).unwrap();
+        std::os::unix::fs::lchown(path(name), Some(ATTACKER), Some(ATTACKER)).unwrap();
+    };
+    link(victim.path(), "file.json");
+    link(own.path(), "folder");
+    std::fs::create_dir(path("project")).unwrap();
+    std::os::unix::fs::chown(path("project"), Some(ATTACKER), Some(ATTACKER)).unwrap();
+    link(own.path(), "project/scenarios");
+    std::fs::create_dir(path("mine")).unwrap();
+    link(own.path(), "mine/.github");
+    let (file, folder, project, mine) = (path("file.json"), path("folder"), path("project"), path("mine"));
+    let (deep, scenario) = (format!("{folder}/deep/a.xml"), own.path().join("a.rhai"));
+    std::fs::write(&scenario, "step(1000);").unwrap();
+    let scenario = scenario.to_str().unwrap();
+    let (report, instance) = (format!("json={file}"), unique_name());
+    let commands: [&[&str]; 12] = [
+        &["test", scenario, "--junit", &file],
+        &["test", scenario, "--junit", &deep],
+        &["test", scenario, "--report", &report],
+        &["test", "--definitions", &folder],
+        &["man", &folder],
+        &["man", &project],
+        &["new", &folder],
+        &["new", &project],
+        &["new", &mine],
+        &["export", "c", "--output", &file],
+        &["snapshot", "-i", &emulator.name, &file],
+        &["run", "-i", &instance, "--detach", "--log", &file],
+    ];
+    for command in commands {
+        let outcome = run(command);
+        assert_ne!(outcome.code, Some(0), "{command:?}");
+        let expected = format!("belongs to user {ATTACKER}");
+        assert!(outcome.err.contains(&expected), "{command:?}: {} {}", outcome.out, outcome.err);
+    }
+    assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
+    assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 1, "the scenario");
+    assert_eq!(std::fs::read_dir(path("project")).unwrap().count(), 1);
+    // A link of the same user is followed.
+    std::fs::remove_file(&file).unwrap();
+    symlink(victim.path(), &file).unwrap();
+    run(&["export", "c", "--output", &file]).ok();
+    assert_ne!(std::fs::read_to_string(&victim).unwrap(), "precious");
+    assert!(files_of(&instance).is_empty());
+}

@@ -1,11 +1,12 @@
 //! The file with the history of input lines.
 
-use std::fs::{DirBuilder, OpenOptions};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use crate::output_file;
+use std::fs::DirBuilder;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 /// Returns the path of the history file, which only its owner can read and write. `None` if no directory for the file
-/// exists.
+/// exists, or if another user has created it.
 pub(super) fn file() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| Some(absolute("HOME")?.join(".local/state")))?;
@@ -16,9 +17,10 @@ pub(super) fn file() -> Option<PathBuf> {
 
 fn make(file: &Path) -> std::io::Result<()> {
     if let Some(directory) = file.parent() {
+        output_file::check_own_place(directory)?;
         DirBuilder::new().recursive(true).mode(0o700).create(directory)?;
     }
-    OpenOptions::new().create(true).append(true).mode(0o600).open(file).map(drop)
+    output_file::open_to_append(file, 0o600).map(drop)
 }
 
 #[cfg(test)]

@@ -142,7 +142,7 @@ impl RoundRunner {
         let is_shorter = short.moves.len() < round.moves.len();
         let why = is_shorter.then(|| self.run(&short, stop).1).flatten().unwrap_or_else(|| why.clone());
         let path = self.keep.join(format!("soak-{}.rhai", round.seed));
-        let written = std::fs::create_dir_all(&self.keep)
+        let written = output_file::create_directories(&self.keep)
             .and_then(|()| output_file::write(&path, short.text(false).as_bytes()));
         let (left, of) = (short.moves.len(), round.moves.len());
         let then = match written {
