@@ -62,6 +62,7 @@ impl Image {
         };
         let header = file.own_header()?;
         file.check_shape(&header)?;
+        file.check_instance(&header)?;
         let maps = [header.layout_hash.load(), header.base_layout_hash.load()];
         if let Some(expected) = expected_layout_hash.filter(|hash| !maps.contains(hash)) {
             return Err(MemoryError::OtherLayout {

@@ -151,6 +151,15 @@ pub enum MemoryError {
         /// Path that should be a regular file.
         path: PathBuf,
     },
+    /// The file is one of another instance: a hard link, a copy, or renamed.
+    #[error("{} is a file of instance '{owner}' (a hard link, a copy, or renamed) and is left alone; \
+        remove this name, or rename it back", .path.display())]
+    OtherInstance {
+        /// Path of the file.
+        path: PathBuf,
+        /// Name of the instance to which the file belongs.
+        owner: String,
+    },
     /// The file, or another kind of entry with this name, belongs to another user.
     #[error("{} belongs to user {owner}, not to user {user}; an image is used by its owner only: choose another instance \
         name, or ask user {owner} or root to remove it", .path.display())]

@@ -1,7 +1,7 @@
 //! Opens and checks image files, and never changes a file of another owner.
 
 use super::image::LockableFile;
-use super::{HEADER_SIZE, Header, MemoryError, State, header, names, process::ProcessId};
+use super::{HEADER_SIZE, Header, MemoryError, State, header, list, names, process::ProcessId};
 use rustix::{
     fs::{FileType, Mode, OFlags, Stat},
     io::Errno,
@@ -9,7 +9,7 @@ use rustix::{
 use std::{
     fs::{File, TryLockError},
     io,
-    os::unix::fs::FileExt,
+    os::unix::fs::{FileExt, MetadataExt},
     path::{Path, PathBuf},
 };
 use zerocopy::{FromZeros, IntoBytes};
@@ -111,6 +111,17 @@ impl ImageFile {
             && (emulator(header).is_running() || self.is_locked())
     }
 
+    /// Refuses the file of an emulator that runs as another instance.
+    pub(crate) fn check_instance(&self, header: &Header) -> Result<(), MemoryError> {
+        let owner = header::name(&header.instance);
+        // An emulator that ends releases the lock after it has set the state.
+        let is_served = || self.is_alive(header) || self.is_locked();
+        match is_of_other(&self.file, &self.instance, &owner) && is_served() {
+            true => Err(MemoryError::OtherInstance { path: self.path.clone(), owner }),
+            false => Ok(()),
+        }
+    }
+
     /// True if a process has locked the file. The check takes a shared lock for a moment. An emulator that starts
     /// meanwhile waits for the lock.
     pub(crate) fn is_locked(&self) -> bool {
@@ -154,6 +165,19 @@ impl LockableFile for ImageFile {
     fn remove_name(&self) -> Result<(), MemoryError> {
         rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))
     }
+}
+
+/// True if a file that has the name of `instance`, and names `owner` as its instance, belongs to `owner`: the file has
+/// another name too, or files of `owner` exist. Any program of this user can write the name of an instance that does not
+/// exist.
+pub(super) fn is_of_other(file: &File, instance: &str, owner: &str) -> bool {
+    let has_files = || {
+        names::channel_root(owner).is_ok_and(|root| root.symlink_metadata().is_ok())
+            || list::named(owner).is_ok_and(|plcs| !plcs.is_empty())
+    };
+    owner != instance
+        && names::check_instance(owner).is_ok()
+        && (file.metadata().is_ok_and(|file| file.nlink() > 1) || has_files())
 }
 
 /// Returns the process named in a header.

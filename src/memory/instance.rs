@@ -9,6 +9,7 @@ mod device_folders;
 #[cfg(feature = "emulator")]
 pub(crate) use device_folders::DeviceFolder;
 
+use super::file::is_of_other;
 use super::private::PrivateDir;
 use super::process::ProcessId;
 use super::{EmulatorProcess, Image, MemoryError, list, names};
@@ -18,9 +19,10 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// The file in the instance's directory; its first line is process id and start time of the process that has the lock.
+/// The file in the instance's directory. Its lines are process id and start time of the process that has the lock, the name
+/// of the instance, and [`UNSAVED`] or nothing.
 pub(super) const LOCK: &str = "lock";
-/// Second line of a lock file: the emulator is ending, and could not save the changes in NOVRAM.
+/// Third line of a lock file: the emulator is ending, and could not save the changes in NOVRAM.
 const UNSAVED: &str = "unsaved";
 /// Word in a lock file, after the process: this process only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
@@ -43,7 +45,7 @@ impl InstanceLock {
     /// The name is invalid; another emulator has the instance ([`MemoryError::InstanceTaken`]); the directory of the
     /// instance is accessible to other users; or the operating system refuses the operation.
     pub fn take(instance: &str) -> Result<Self, MemoryError> {
-        Self::take_as(instance, &format!("{}\n", ProcessId::own()))
+        Self::take_as(instance, &signature_of(instance))
     }
 
     /// Takes the lock like [`InstanceLock::take`], to remove the files of a killed emulator. While a process has this
@@ -87,6 +89,7 @@ impl InstanceLock {
                 Err(TryLockError::WouldBlock) => {}
             }
             if start.elapsed() >= PATIENCE {
+                check_owner(instance, &path.join(LOCK), &file)?;
                 let pid = EmulatorProcess::holding(&file, signer(&file))?.map(|process| process.pid());
                 return Err(MemoryError::InstanceTaken { instance: instance.to_owned(), pid });
             }
@@ -99,7 +102,8 @@ impl InstanceLock {
     #[cfg(feature = "emulator")]
     pub(crate) fn set_unsaved(&self) {
         // If another program has damaged the file, the header pages of the images have the same information.
-        let _ = self.file.write_all_at(format!("{}\n{UNSAVED}\n", ProcessId::own()).as_bytes(), 0);
+        let text = format!("{}{UNSAVED}\n", signature_of(&self.instance));
+        let _ = self.file.write_all_at(text.as_bytes(), 0);
     }
 
     /// Returns the holder of the lock of `instance`: `None` if it is free, `Some(None)` if the process is in another
@@ -113,7 +117,10 @@ impl InstanceLock {
         let Some(file) = directory.find_file(LOCK)? else { return Ok(None) };
         match file.try_lock_shared() {
             Ok(()) => Ok(None),
-            Err(TryLockError::WouldBlock) => EmulatorProcess::holding(&file, signer(&file)).map(Some),
+            Err(TryLockError::WouldBlock) => {
+                check_owner(instance, &path.join(LOCK), &file)?;
+                EmulatorProcess::holding(&file, signer(&file)).map(Some)
+            }
             Err(TryLockError::Error(reason)) => {
                 Err(MemoryError::System { path: path.join(LOCK), doing: "lock", reason })
             }
@@ -167,6 +174,11 @@ fn open(directory: &PrivateDir) -> io::Result<Option<File>> {
     directory.open_file(LOCK)
 }
 
+/// Returns the first lines of the lock file of an emulator, which is this process.
+fn signature_of(instance: &str) -> String {
+    format!("{}\n{instance}\n", ProcessId::own())
+}
+
 /// Writes the process that holds the lock.
 fn sign(file: &File, signature: &str) -> io::Result<()> {
     file.set_len(0)?;
@@ -174,7 +186,7 @@ fn sign(file: &File, signature: &str) -> io::Result<()> {
 }
 
 fn signature(file: &File) -> Option<String> {
-    let mut text = [0; 64];
+    let mut text = [0; 128];
     let length = file.read_at(&mut text, 0).ok()?;
     core::str::from_utf8(text.get(..length)?).ok().map(str::to_owned)
 }
@@ -186,18 +198,39 @@ pub(super) fn signer(file: &File) -> Option<ProcessId> {
 
 /// True if the emulator that holds a lock file, or has held it, could not save the changes in NOVRAM.
 pub(super) fn is_unsaved(file: &File) -> bool {
-    signature(file).is_some_and(|text| text.lines().nth(1) == Some(UNSAVED))
+    signature(file).is_some_and(|text| text.lines().nth(2) == Some(UNSAVED))
+}
+
+/// Refuses the locked file of an emulator that runs as another instance.
+pub(super) fn check_owner(instance: &str, path: &Path, file: &File) -> Result<(), MemoryError> {
+    // Lock files of earlier versions, and of processes that remove files, name no instance.
+    let owner = signature(file).and_then(|text| text.lines().nth(1).map(str::to_owned));
+    match owner.filter(|owner| is_of_other(file, instance, owner)) {
+        Some(owner) => Err(MemoryError::OtherInstance { path: path.to_owned(), owner }),
+        None => Ok(()),
+    }
 }
 
 /// True if the process that holds a lock file only removes the files of a killed emulator.
 pub(super) fn is_cleaner(file: &File) -> bool {
-    signature(file).is_some_and(|text| text.trim_end().ends_with(CLEANER))
+    signature(file).is_some_and(|text| text.lines().next().is_some_and(|line| line.ends_with(CLEANER)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::memory::testing::Instance;
+
+    #[test]
+    fn a_name_is_no_cleaner() {
+        for name in ["cleaner", UNSAVED] {
+            let name = format!("{}-{name}", std::process::id());
+            let lock = InstanceLock::take(&name).unwrap();
+            assert!(!is_cleaner(&lock.file) && !is_unsaved(&lock.file) && signer(&lock.file).is_some());
+            lock.set_unsaved();
+            assert!(!is_cleaner(&lock.file) && is_unsaved(&lock.file) && signer(&lock.file).is_some());
+        }
+    }
 
     #[test]
     fn only_one_process_has_an_instance() {

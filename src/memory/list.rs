@@ -141,6 +141,7 @@ fn judge(instance: &str, plc: &str) -> Result<Option<Condition>, MemoryError> {
     let Some(file) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
     let header = file.own_header()?;
     file.check_shape(&header)?;
+    file.check_instance(&header)?;
     let summary = ImageSummary::from(&*header);
     Ok(Some(if file.is_alive(&header) { Condition::Alive(summary) } else { Condition::Dead(summary) }))
 }

@@ -42,7 +42,7 @@ impl RunningInstance {
     ///
     /// # Errors
     /// The name is invalid, the operating system refuses the operation, or no emulator is found and the instance's
-    /// directory is accessible to other users.
+    /// directory is accessible to other users or its files are those of another running instance.
     pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
         // An emulator is not found if its files cannot be opened. So a limit of open files that is too low is an error.
         let refused = |_| MemoryError::System {
@@ -81,7 +81,14 @@ impl RunningInstance {
         }
         let mut process = None;
         let mut files = Vec::new();
-        if let Some(lock) = lock.filter(LockedFile::is_locked) {
+        let mut refused = refused;
+        let owned = |refused: &mut Option<MemoryError>, checked: Result<(), MemoryError>| {
+            checked.map_err(|other| *refused = Some(other)).is_ok()
+        };
+        let lock = lock
+            .filter(LockedFile::is_locked)
+            .filter(|lock| owned(&mut refused, instance::check_owner(instance, &lock.path, &lock.file)));
+        if let Some(lock) = lock {
             process = EmulatorProcess::holding(&lock.file, instance::signer(&lock.file))?;
             files.push(lock);
         }
@@ -96,8 +103,13 @@ impl RunningInstance {
             if !image.is_locked() {
                 continue;
             }
+            let header = image.own_header().ok();
+            let checked = header.as_ref().map_or(Ok(()), |header| image.check_instance(header));
+            if !owned(&mut refused, checked) {
+                continue;
+            }
             if process.is_none() {
-                let signed = image.own_header().ok().map(|header| file::emulator(&header));
+                let signed = header.map(|header| file::emulator(&header));
                 process = EmulatorProcess::holding(&image.file, signed)?;
             }
             files.push(LockedFile { path: image.path, file: image.file });

@@ -3,7 +3,7 @@
 
 use crate::common::{
     Emulator, Outcome, commram, eventually, files_of, finish, in_mount_namespace, promised, remove_remains,
-    unique_name, wait_for,
+    run, unique_name, wait_for,
 };
 use commram::memory::{AttachMode, Image, RunningInstance, State};
 use rustix::fs::{Mode, OFlags};
@@ -12,7 +12,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::fs;
 use std::io::{PipeWriter, Write};
 use std::os::fd::OwnedFd;
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{DirBuilderExt, symlink};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -417,6 +417,42 @@ fn a_process_that_a_damaged_file_names_is_not_signalled() {
     }
     let _ = bystander.kill();
     let _ = bystander.wait();
+}
+
+/// A copy of `/dev/shm` by hard links (`cp -al`) gives files of a running emulator a second name.
+#[test]
+fn an_instance_is_not_ended_under_the_name_of_another_one() {
+    for is_image in [true, false] {
+        let (emulator, other) = (Emulator::stepped(), unique_name());
+        let of_other = PathBuf::from(format!("/dev/shm/commram.{other}.iox.d"));
+        let (file, link) = match is_image {
+            true => (
+                format!("/dev/shm/commram.{}.line", emulator.name).into(),
+                format!("/dev/shm/commram.{other}.line").into(),
+            ),
+            false => (directory(&emulator).join("lock"), of_other.join("lock")),
+        };
+        if !is_image {
+            fs::DirBuilder::new().mode(0o700).create(&of_other).unwrap();
+        }
+        fs::hard_link(file, &link).unwrap();
+        let expected = format!("{} is a file of instance '{}'", link.display(), emulator.name);
+        let status = ["status", "-i", &other];
+        for (arguments, code) in [
+            (&["stop", "-i", &other][..], 3),
+            (&["stop", "--clean", "-i", &other], 3),
+            (&status, 3),
+            (&["run", "-i", &other], 1),
+        ] {
+            let outcome = run(arguments);
+            assert!(outcome.fails(code).contains(&expected), "{arguments:?}: {}", outcome.err);
+        }
+        assert_eq!(run(&["list"]).ok().contains(&format!("{other}: {expected}")), is_image);
+        emulator.step(&["1ms"]);
+        assert_eq!(emulator.run("stop", &[]).ok(), format!("instance '{}' has stopped\n", emulator.name));
+        run(&["stop", "--clean", "-i", &other]);
+        assert_eq!(files_of(&other), NOTHING);
+    }
 }
 
 /// Any program of this user can lock the files of a killed emulator.

@@ -54,6 +54,7 @@ impl<S> ImageName for ImageSite<'_, S> {
 
     fn wait(&self, file: ImageFile) -> Result<(), MemoryError> {
         let header = file.own_header()?;
+        file.check_instance(&header)?;
         let process = file::emulator(&header);
         let state = State::from_code(header.state.load());
         let is_running = process.is_running();
