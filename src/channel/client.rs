@@ -508,6 +508,7 @@ fn enter(instance: &str, root: &Path, domain: Domain) -> Result<ClientParts, Cli
         ClientCreateError::ExceedsMaxSupportedClients => ClientError::TooManyClients { instance: name() },
         other => connect(format!("{other:?}")),
     })?;
+    guest.domain().keep_from_programs();
     Ok((port, service, guest))
 }
 

@@ -11,6 +11,7 @@
 //! uses the domain, and after its end. If a client enters while the emulator ends, or the emulator is killed, the client
 //! sweeps the domain when it leaves ([`Guest`](super::guest::Guest)).
 
+use super::inherited;
 use super::limit::{self, LimitError};
 use super::passage::{self, ChannelRoot, ChannelSite};
 use super::shm::{self, settles};
@@ -236,6 +237,14 @@ impl Domain {
 
     fn announced(&self) -> Option<ProcessId> {
         ProcessId::parse(&self.root.read(READY)?)
+    }
+
+    /// Keeps the open files of the domain from programs that this process starts. Call this after iceoryx2 has opened
+    /// files.
+    pub(crate) fn keep_from_programs(&self) {
+        if let Ok(root) = canonical(self.root.path()) {
+            inherited::keep_from_programs(&root, &self.prefix);
+        }
     }
 
     /// Removes the files of dead processes. Other processes may use the domain at the same time.

@@ -139,5 +139,6 @@ fn enter(
     let builder = builder.ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
     let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
     let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
+    guest.domain().keep_from_programs();
     Ok((listener, service, guest))
 }

@@ -21,6 +21,7 @@ mod domain;
 pub(crate) mod events;
 mod guest;
 mod header_bells;
+mod inherited;
 mod limit;
 mod passage;
 mod run;

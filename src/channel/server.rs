@@ -121,6 +121,7 @@ impl Server {
             bells,
             domain,
         };
+        server.domain.keep_from_programs();
         server.domain.announce()?;
         Ok(server)
     }
@@ -132,7 +133,9 @@ impl Server {
     pub fn event_notifier(&self, instance: &str, plcs: &[String]) -> Result<EventNotifier, ServerError> {
         let gone =
             || ServerError::Service { instance: instance.to_owned(), reason: "the server ends".into() };
-        EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)
+        let notifier = EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)?;
+        self.domain.keep_from_programs();
+        Ok(notifier)
     }
 
     /// Creates a watch for use in another thread. It detects when a program shortens the shared memory that

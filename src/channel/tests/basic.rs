@@ -28,6 +28,25 @@ fn a_poke_a_step_and_a_peek_in_one_message() {
     assert_eq!(replies, expected);
 }
 
+/// iceoryx2 opens its files so that started programs inherit them.
+#[test]
+fn programs_that_a_process_with_the_channel_starts_get_none_of_its_files() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let client = place.client();
+    client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+    let links = std::process::Command::new("sh").args(["-c", "ls -l /proc/self/fd"]).output().unwrap();
+    let links = String::from_utf8(links.stdout).unwrap();
+    let root = place.root().canonicalize().unwrap();
+    let prefix = std::fs::read_to_string(root.join("prefix")).unwrap();
+    let of_channel = [root.to_str().unwrap(), prefix.trim()];
+    let open = || std::fs::read_dir("/proc/self/fd").unwrap().flatten();
+    assert!(open().any(|file| std::fs::read_link(file.path()).is_ok_and(|path| path.starts_with(&root))));
+    let inherited: Vec<_> =
+        links.lines().filter(|link| of_channel.iter().any(|part| link.contains(part))).collect();
+    assert!(links.contains(" -> ") && inherited.is_empty(), "{inherited:?}");
+}
+
 #[test]
 fn thousands_of_requests_use_up_no_resources() {
     let place = place();
