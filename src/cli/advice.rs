@@ -1,5 +1,6 @@
 //! Hints for mistakes in the command line: words and options of other programs, and missing arguments.
 
+use super::output;
 use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
@@ -95,9 +96,31 @@ pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
 
 /// Returns the text of an error as this program prints it, without the empty lines of removed suggestions.
 pub(super) fn text(error: &Error) -> String {
-    let text = error.render().to_string();
+    let text = with_escaped_values(error.render().to_string(), error);
     let text = text.strip_prefix("error: ").unwrap_or(&text).trim_end();
     text.replace("\n  tip:\n", "\n").replace("\n\n\n", "\n\n")
+}
+
+/// Escapes line ends in the words of the user, and in the reason why a value is wrong. The parser prints them as they are.
+fn with_escaped_values(mut text: String, error: &Error) -> String {
+    let escape = |text: String, part: &str| text.replace(part, &output::in_one_line(part));
+    let mut has_line_end = false;
+    for (_, value) in error.context() {
+        let parts = match value {
+            ContextValue::String(part) => core::slice::from_ref(part),
+            ContextValue::Strings(parts) => parts.as_slice(),
+            _ => &[],
+        };
+        for part in parts.iter().filter(|part| part.contains('\n')) {
+            has_line_end = true;
+            text = escape(text, part);
+        }
+    }
+    let reason = core::error::Error::source(error).map(ToString::to_string);
+    match reason.filter(|_| has_line_end) {
+        Some(reason) => escape(text, &reason),
+        None => text,
+    }
 }
 
 /// Returns the command in which the error occurred, without the name of the program: `fault add`.

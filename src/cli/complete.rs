@@ -11,6 +11,7 @@ pub(crate) use line::within;
 pub(super) use line::{front_of_last, whole};
 pub(super) use scope::{NamedValue, PlcScope};
 
+use crate::plain_text::is_interpreted;
 use line::words;
 use running::{known_buses, known_drives, known_faults, known_parameters};
 
@@ -152,7 +153,20 @@ pub(crate) fn files(endings: &'static [&'static str]) -> ArgValueCompleter {
     let has_ending = move |path: &std::path::Path| {
         path.extension().is_some_and(|found| endings.iter().any(|ending| found == *ending))
     };
-    ArgValueCompleter::new(move |current: &OsStr| PathCompleter::any().filter(has_ending).complete(current))
+    ArgValueCompleter::new(move |current: &OsStr| readable(&PathCompleter::any().filter(has_ending), current))
+}
+
+/// Completes files and directories.
+pub(crate) fn any_files() -> ArgValueCompleter {
+    ArgValueCompleter::new(|current: &OsStr| readable(&PathCompleter::any(), current))
+}
+
+/// Returns the candidates without names that contain characters which a terminal interprets, or a shell reads as the
+/// end of a candidate.
+fn readable(paths: &PathCompleter, current: &OsStr) -> Vec<Candidate> {
+    let mut found = paths.complete(current);
+    found.retain(|it| !it.get_value().to_string_lossy().contains(is_interpreted));
+    found
 }
 
 fn candidate(name: String, help: String) -> Candidate {

@@ -23,6 +23,7 @@ mod exit;
 mod export;
 mod fault;
 mod federate;
+mod file_name;
 mod find;
 mod force;
 mod given;

@@ -197,6 +197,11 @@ pub(crate) fn harmless(text: &str) -> String {
     escaped(text, &['\n', '\t'], |sign| sign.escape_default().to_string())
 }
 
+/// Escapes all characters that a terminal interprets, also line ends, in a text of the user that is part of a message.
+pub(crate) fn in_one_line(text: &str) -> String {
+    escaped(text, &[], |sign| sign.escape_default().to_string())
+}
+
 /// If the text is longer than `most`, keeps its beginning and its end, and inserts its length.
 fn cut(text: &str, most: usize) -> String {
     let count = text.chars().count();

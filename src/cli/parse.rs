@@ -1,7 +1,7 @@
 //! The command line of this program: its commands in groups, and the positions where options are allowed.
 
 use super::instance::instance_name;
-use super::{Cli, CommonOptions, advice, complete, config};
+use super::{Cli, CommonOptions, advice, complete, config, file_name};
 use crate::devices::folder;
 use clap::builder::Resettable;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -43,7 +43,7 @@ fn adapt(command: Command) -> Command {
         .add(complete::instances())
         .help("Name of the instance, for every command that uses one");
     folder::search_first(config::get().devices());
-    config::get().apply(command.arg(instance))
+    config::get().apply(file_name::restrict(command.arg(instance)))
 }
 
 /// Returns the help with the commands in groups.

@@ -99,7 +99,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Ok(status) => ended_like(status),
         Err(reason) => {
             let limit = limits::named(&reason);
-            output::complain(&format!("cannot run {}: {reason}{limit}", program.display()));
+            let program = output::in_one_line(&program.to_string_lossy());
+            output::complain(&format!("cannot run {program}: {reason}{limit}"));
             let missing = reason.kind() == io::ErrorKind::NotFound;
             CliError::Ended(if missing { NO_SUCH_COMMAND } else { CANNOT_RUN })
         }

@@ -34,7 +34,7 @@ fn a_line_end_in_the_name_of_a_scenario_is_refused() {
     for options in [&[][..], &["--list"]] {
         let outcome = finish(commram().arg("test").arg(directory.path()).args(options));
         let message = outcome.fails(2);
-        assert!(message.contains("a\\npassed  forged.rhai`: the name of a scenario must not"), "{message}");
+        assert!(message.contains("a\\npassed  forged.rhai`: the name of a file must not"), "{message}");
         assert_eq!((message.lines().count(), outcome.out.as_str()), (1, ""));
     }
 }

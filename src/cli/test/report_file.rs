@@ -5,6 +5,7 @@ use super::line::Line;
 use super::origin::Origin;
 use super::selection::Shard;
 use crate::cli::error::CliError;
+use crate::cli::file_name;
 use crate::cli::output;
 use crate::script::Report;
 use std::fmt;
@@ -46,7 +47,11 @@ impl ReportFile {
         let kind = [ReportKind::Html, ReportKind::Json].into_iter().find(|kind| kind.name() == name);
         match (kind, file) {
             (Some(kind), None) => Ok(Self { kind, path: format!("commram-report.{name}").into() }),
-            (Some(kind), Some(file)) if !file.is_empty() => Ok(Self { kind, path: file.into() }),
+            (Some(kind), Some(file)) if !file.is_empty() => {
+                let path = PathBuf::from(file);
+                file_name::check(&path)?;
+                Ok(Self { kind, path })
+            }
             _ => Err(
                 "write html, or html=FILE, json or json=FILE; the option --junit writes a report for CI servers"
                     .to_owned(),

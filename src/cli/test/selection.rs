@@ -1,6 +1,7 @@
 //! Selection of scenarios: folders, filters, shards.
 
 use crate::cli::error::CliError;
+use crate::cli::{file_name, output};
 use crate::input_file;
 use crate::script::{is_part, needs, with_stack};
 use core::fmt;
@@ -93,11 +94,11 @@ pub(crate) fn scenarios(
             files.push(path.clone());
         }
     }
-    // A line end in a name would make false lines in reports and in the logs of CI services.
-    if let Some(file) = files.iter().find(|file| file.to_string_lossy().contains('\n')) {
-        let text = file.to_string_lossy().replace('\n', "\\n");
-        let right = "the name of a scenario must not contain a line end; rename the file".to_owned();
-        return Err(CliError::Argument { text, right });
+    for file in &files {
+        file_name::check(file).map_err(|right| {
+            let text = output::in_one_line(&file.to_string_lossy());
+            CliError::Argument { text, right: right.to_owned() }
+        })?;
     }
     let mut known = HashSet::new();
     files.retain(|file| known.insert(identity(file)));
