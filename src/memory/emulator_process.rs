@@ -47,19 +47,28 @@ impl EmulatorProcess {
     /// process, returns the process `signed`, which a file names, if the kernel shows the lock at its open files. `None`
     /// if the process has ended, belongs to another user, or is not visible in this pid namespace.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
+        if let Some(process) = Self::in_table(file)? {
+            return Ok(process.filter(|process| signed == Some(process.id) || process.serves_images()));
+        }
+        let Some(process) = signed.map_or(Ok(None), Self::pin)? else { return Ok(None) };
+        // Any program of this user can write the name of another process to the file. The process is pinned, so the
+        // lock is that of this process and not that of a later process with the same number.
+        Ok((locks::is_held_by(file, process.pid()) && process.is_running()).then_some(process))
+    }
+
+    /// Returns the process that has locked `file` according to the kernel's table of locks. `None` if the table shows no such
+    /// process, `Some(None)` if the process cannot be pinned.
+    fn in_table(file: &File) -> Result<Option<Option<Self>>, MemoryError> {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
             let process = ProcessId::of(pid).map_or(Ok(None), Self::pin)?;
             // The process may have ended before it was pinned, and another process may have its number. So the lock is
             // checked again.
             if locks::holder_of(file) == Some(pid) {
-                return Ok(process.filter(|process| signed == Some(process.id) || process.serves_images()));
+                return Ok(Some(process));
             }
         }
-        let Some(process) = signed.map_or(Ok(None), Self::pin)? else { return Ok(None) };
-        // Any program of this user can write the name of another process to the file. The process is pinned, so the
-        // lock is that of this process and not that of a later process with the same number.
-        Ok((locks::is_held_by(file, process.pid()) && process.is_running()).then_some(process))
+        Ok(None)
     }
 
     /// Returns the process that serves the image of a PLC. `None` if the image is not locked, or the process has ended,
@@ -76,13 +85,13 @@ impl EmulatorProcess {
         Self::holding(&image.file, signed)
     }
 
-    /// Returns the process that has locked `file` according to the kernel.
+    /// Returns the process that has locked `file` according to the kernel. It need not be an emulator.
     ///
     /// # Errors
     /// The operating system refuses the operation.
     #[cfg(feature = "cli")]
     pub(crate) fn holding_lock(file: &File) -> Result<Option<Self>, MemoryError> {
-        Self::holding(file, None)
+        Ok(Self::in_table(file)?.flatten())
     }
 
     /// True if this process was started before the other one.
