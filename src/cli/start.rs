@@ -6,7 +6,8 @@ use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
-use crate::memory::{Unmapped, Width, describe_process};
+use crate::memory::names::channel_root;
+use crate::memory::{InstanceLock, Unmapped, Width, describe_process};
 use crate::plant::{FollowError, PlantConfig};
 use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
@@ -122,7 +123,8 @@ impl Settings {
         }
         log::to_stderr();
         let (started, starting) = mpsc::channel();
-        in_thread(move || signals.pass_on(&starting))?;
+        let (is_ending, name) = (Arc::clone(&signals.has_any), instance.to_owned());
+        in_thread(move || signals.pass_on(&starting, &name))?;
         let (config, snapshot) = match begin {
             InitialState::BuiltIn => (PlantConfig::built_in()?, None),
             InitialState::Plant(path) => (PlantConfig::load(path)?, None),
@@ -144,8 +146,9 @@ impl Settings {
             emulator.set_cores(count);
         }
         let (names, retain_bytes) = (emulator.plant().names(), emulator.plant().retain_bytes());
+        // An emulator that has received a signal ends before its clock starts, so it records nothing.
         self.record(instance, &names, &retain_bytes, |plc, offset, len| {
-            emulator.keep_changes(plc, offset, len)
+            if is_ending.load(Ordering::Relaxed) { Ok(()) } else { emulator.keep_changes(plc, offset, len) }
         })?;
         // The user may have mistyped the name of the directory. Flags and parameters then start with their defaults, so
         // a note reports the new directory.
@@ -303,8 +306,8 @@ impl TerminationSignals {
     }
 
     /// Passes signals to the handler of the started emulator. A signal that arrives earlier waits until the start has
-    /// ended, unless the start hangs.
-    fn pass_on(mut self, starting: &Receiver<OnSignal>) {
+    /// ended, unless the start hangs; the files of `instance` are then removed.
+    fn pass_on(mut self, starting: &Receiver<OnSignal>, instance: &str) {
         let mut pending = self.signals.forever().map(|signal| TerminationSignal {
             number: signal.si_signo,
             is_from_stop: crate::memory::is_from_stop(&signal),
@@ -317,7 +320,10 @@ impl TerminationSignals {
                 act(first);
                 pending.for_each(act);
             }
-            Err(RecvTimeoutError::Timeout) => end_by(first.number),
+            Err(RecvTimeoutError::Timeout) => {
+                remove_unfinished(instance);
+                end_by(first.number);
+            }
             // The start has failed, and the process ends soon.
             Err(RecvTimeoutError::Disconnected) => {}
         }
@@ -340,6 +346,18 @@ pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
     // SAFETY: the action only accesses an atomic and calls a function that is allowed in signal handlers.
     let registered = unsafe { signal_hook_registry::register_sigaction(SIGINT, act) };
     registered.map(drop).map_err(|reason| CliError::Signals { reason })
+}
+
+/// Removes the files of the emulator that starts in this process, if there are any. Errors are ignored: the process ends.
+fn remove_unfinished(instance: &str) {
+    // Only the holder of the lock may remove the channel.
+    let Ok(Some(Some(holder))) = InstanceLock::holder(instance) else { return };
+    if holder.pid() == std::process::id() {
+        if let Ok(root) = channel_root(instance) {
+            let _ = crate::channel::remove_remains(instance, &root);
+        }
+        InstanceLock::remove_unfinished(instance);
+    }
 }
 
 /// Ends this process as if the signal had never been caught.

@@ -10,6 +10,10 @@ mod device_folders;
 pub(crate) use device_folders::DeviceFolder;
 
 use super::file::is_of_other;
+#[cfg(feature = "cli")]
+use super::file::{self, ImageFile};
+#[cfg(feature = "cli")]
+use super::image::LockableFile;
 use super::private::PrivateDir;
 use super::process::ProcessId;
 use super::{EmulatorProcess, Image, MemoryError, list, names};
@@ -137,6 +141,29 @@ impl InstanceLock {
         let path = names::channel_root(&self.instance)?;
         let emptied = self.directory.remove_all_except(LOCK);
         emptied.map_err(|reason| MemoryError::System { path, doing: "empty this directory", reason })
+    }
+
+    /// Removes the files of the emulator that starts in this process, except those of its channel. Only for a process that
+    /// ends at once, because its start takes too long.
+    #[cfg(feature = "cli")]
+    pub(crate) fn remove_unfinished(instance: &str) {
+        let own = Some(ProcessId::own());
+        for plc in list::named(instance).unwrap_or_default() {
+            if let Ok(Some(image)) = ImageFile::open(instance, &plc, false)
+                && image.own_header().ok().map(|header| file::emulator(&header)) == own
+            {
+                let _ = image.remove_name();
+            }
+        }
+        let directory = names::channel_root(instance).and_then(|path| PrivateDir::open(&path));
+        if let Ok(Some(directory)) = directory
+            && let Ok(Some(lock)) = directory.find_file(LOCK)
+            && signer(&lock) == own
+        {
+            let _ = directory.remove_all_except(LOCK);
+            directory.remove(LOCK);
+            directory.remove_if_empty();
+        }
     }
 
     /// Removes the images of a killed emulator, except those of the PLCs for which `keep` is true. Returns whether

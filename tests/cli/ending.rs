@@ -419,6 +419,40 @@ fn a_process_that_a_damaged_file_names_is_not_signalled() {
     let _ = bystander.wait();
 }
 
+/// A signal waits 1 s for the end of a start. The scripts of the devices make this start longer.
+#[test]
+fn a_signal_during_a_long_start_leaves_no_files() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("slow");
+    run(&["new", "--template", "device", folder.to_str().unwrap()]).ok();
+    let firmware = fs::read_to_string(folder.join("firmware.rhai")).unwrap();
+    let slow = "fn power_on() { let n = 0; while n < 100000 { n += 1; }";
+    fs::write(folder.join("firmware.rhai"), firmware.replace("fn power_on() {", slow)).unwrap();
+    let plant = place.path().join("plant.toml");
+    let device = |number| format!("[[device]]\nkind = \"./slow\"\nname = \"p{number}\"\n");
+    fs::write(&plant, (1..=14).map(device).collect::<String>()).unwrap();
+    for way in ["-TERM", "-INT", "-HUP", "stop"] {
+        let name = unique_name();
+        let mut command = commram();
+        command.args(["run", "--clock", "stepped", "-i", &name]).arg(&plant);
+        let mut emulator = spawn(command);
+        let image = PathBuf::from(format!("/dev/shm/commram.{name}.p1"));
+        assert!(eventually(|| image.exists()));
+        match way {
+            "stop" => {
+                let outcome = run(&["stop", "-i", &name]);
+                assert_eq!(outcome.ok(), format!("instance '{name}' has stopped\n"));
+            }
+            signal => {
+                let pid = emulator.id().to_string();
+                assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+            }
+        }
+        wait_for(&mut emulator, "the emulator");
+        assert_eq!(files_of(&name), NOTHING, "{way}");
+    }
+}
+
 /// A copy of `/dev/shm` by hard links (`cp -al`) gives files of a running emulator a second name.
 #[test]
 fn an_instance_is_not_ended_under_the_name_of_another_one() {
