@@ -336,12 +336,12 @@ pub(crate) fn check_own_place(directory: &Path) -> Result<()> {
 /// Refuses a link of another user in place of the directory, or of its nearest existing parent.
 fn check_links(directory: &Path) -> Result<()> {
     let mut entries = directory.ancestors().filter_map(|path| Some((path, path.symlink_metadata().ok()?)));
-    if let Some((nearest, found)) = entries.next() {
-        if found.is_symlink() {
-            ForeignEntry::check("the link", nearest, &found)?;
-            // The following links of a chain are those of a file.
-            end_of_links(nearest)?;
-        }
+    if let Some((nearest, found)) = entries.next()
+        && found.is_symlink()
+    {
+        ForeignEntry::check("the link", nearest, &found)?;
+        // The following links of a chain are those of a file.
+        end_of_links(nearest)?;
     }
     Ok(())
 }
