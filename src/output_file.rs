@@ -3,8 +3,8 @@
 //! the previous file. If a process is killed before the replacement, the new file remains under its temporary name; the
 //! next write of the same output file removes it.
 //!
-//! A link of another user is not followed at the place of an output file: it could lead to any file of this user. In a
-//! directory that is not sticky, the kernel follows such links.
+//! A link of another user is not followed at the place of an output file: it could lead to any file of this user. The
+//! kernel refuses a link of another user only in sticky directories.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, TryLockError};
@@ -314,7 +314,7 @@ pub(crate) fn create_own_place(directory: &Path) -> Result<()> {
 }
 
 /// Refuses an existing directory that another user has created where a command would create its own one. If the user of
-/// the directory also owns its parent, this user has the files anyway, for example a project that is mounted into a
+/// the directory also owns its parent, the place belongs to this user, for example a project that is mounted into a
 /// container. The same is true for `.` and `..`, which no command creates.
 ///
 /// # Errors
@@ -340,7 +340,7 @@ fn check_links(directory: &Path) -> Result<()> {
         && found.is_symlink()
     {
         ForeignEntry::check("the link", nearest, &found)?;
-        // The following links of a chain are those of a file.
+        // The link may lead to another link.
         end_of_links(nearest)?;
     }
     Ok(())
