@@ -435,12 +435,13 @@ fn is_awaited<'a>(
     domain: &'a Domain,
     service: Option<&'a Service<Ipc>>,
 ) -> impl FnMut() -> bool {
-    let (mut asked, mut is_alive, mut can_ask) = (None::<Instant>, true, true);
+    // The first call may be the last one, at the end of a long operation.
+    let (mut asked, mut is_alive, mut can_ask) = (Instant::now(), true, true);
     move || {
         if !is_alive || !request.is_connected() {
             return false;
         }
-        if can_ask && asked.get_or_insert_with(Instant::now).elapsed() >= INTERVAL {
+        if can_ask && asked.elapsed() >= INTERVAL {
             match query_dead_nodes(domain) {
                 Ok(dead) => {
                     let dead = clients_of(service, |node| dead.contains(&node));
@@ -449,7 +450,7 @@ fn is_awaited<'a>(
                 // In a damaged channel the query may not return, so it is not repeated.
                 Err(_) => can_ask = false,
             }
-            asked = Some(Instant::now());
+            asked = Instant::now();
         }
         is_alive
     }

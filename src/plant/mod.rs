@@ -44,6 +44,7 @@ use crate::journal::{By, Journal, Late, Names, Origin};
 use crate::layout::{DeviceFit, DeviceLayout as Layout};
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use cards::PluggedCard;
+use core::cell::RefCell;
 use core::num::NonZero;
 use force::Forces;
 use ports::Ports;
@@ -54,6 +55,8 @@ use worker_pool::WorkerPool;
 /// Number of consecutive failed attempts to run buses independently. After them, the plant makes no attempt
 /// for some time.
 const TRIES: u32 = 4;
+/// Emulated time in microseconds after which [`Plant::advance_while`] calls its function at the latest.
+const PART_US: u64 = 100_000;
 
 /// Latest emulated time of a snapshot, in microseconds: 9e9 s, 285 years. Buses calculate with nanoseconds, and many times
 /// are sums of the present time and a duration.
@@ -244,6 +247,22 @@ impl Plant {
         match self.is_ending.clone() {
             None => while self.advance_until(time) {},
             Some(is_ending) => while self.advance_in_slices(time, &*is_ending) == Advance::Watched {},
+        }
+    }
+
+    /// Advances like [`Plant::advance_to`], but returns before its time when `is_awaited` returns false.
+    pub(crate) fn advance_while(&mut self, time: u64, is_awaited: &mut dyn FnMut() -> bool) {
+        let is_ending = self.is_ending.clone();
+        let is_awaited = RefCell::new(is_awaited);
+        let must_end =
+            || is_ending.as_ref().is_some_and(|is_ending| is_ending()) || !(is_awaited.borrow_mut())();
+        loop {
+            // Only a plant with devices in folders pauses within a part.
+            let part = self.now.saturating_add(PART_US).min(time);
+            while self.advance_in_slices(part, &must_end) == Advance::Watched {}
+            if part >= time || must_end() {
+                return;
+            }
         }
     }
 

@@ -115,6 +115,39 @@ fn the_operation_of_a_killed_client_ends() {
     assert_eq!(time(&emulator), ended + 1);
 }
 
+/// A return takes as long as the first run, here seconds because of the script.
+#[test]
+fn the_return_of_a_killed_client_ends() {
+    let directory = tempfile::tempdir().unwrap();
+    let device = directory.path().join("dev");
+    let new = ["new", device.to_str().unwrap(), "--template", "device"];
+    run(&new).ok();
+    let script = "fn power_on() { this.n = 0; }
+        fn poll() {
+            let a = [];
+            for i in range(0, 1000) { if a.len() > 500 { a = []; } a.push(i); a.sort(); }
+            this.n += 1;
+        }";
+    std::fs::write(device.join("firmware.rhai"), script).unwrap();
+    let plant = directory.path().join("plant.toml");
+    std::fs::write(&plant, "[[device]]\nkind = \"./dev\"\nname = \"d\"\n").unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    emulator.step(&["40ms"]);
+    let work = || {
+        let stat = crate::common::stat(&emulator.pid().to_string());
+        stat[11].parse::<u64>().unwrap()
+    };
+    let before = work();
+    let mut back = emulator.command("step", &["--back", "20ms"]);
+    let mut back = Busy(back.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+    // The return has begun when the emulator works.
+    assert!(eventually(|| work() >= before + 3));
+    back.0.kill().unwrap();
+    back.0.wait().unwrap();
+    assert_eq!(emulator.step(&["0us"]), "0.040000 s");
+    assert_eq!(emulator.step(&["--back", "20ms"]), "0.020000 s");
+}
+
 /// The first client is killed during its operation. The other clients get an answer only after the emulator has noticed
 /// this.
 #[test]

@@ -32,9 +32,7 @@ pub(in crate::request) fn back(
     }
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
-    let arrived = arrive(host, target, &here, detached);
-    // If the return must end early, the plant has not repeated the history completely. `arrived` is then wrong.
-    let outcome = go_on(host, &here, is_awaited).and(arrived);
+    let outcome = arrive(host, target, &here, detached, is_awaited);
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -100,8 +98,7 @@ fn find_back<T>(
         // A condition that is true at power-on became true there. At another earliest moment it may have been true before.
         let is_power_on = place == 0 && first == (0, true);
         if let Some(target) = found.or(is_power_on.then_some(0)) {
-            let arrived = arrive(host, target, &here, detached);
-            go_on(host, &here, is_awaited).and(arrived)?;
+            arrive(host, target, &here, detached, is_awaited)?;
             if let Some(found) = look(host)? {
                 return Ok(found);
             }
@@ -150,7 +147,7 @@ fn last_unrepeatable(host: &mut dyn Host, is_awaited: &mut dyn FnMut() -> bool) 
         let stretch = host.plant_and_travel().1.history[place].clone();
         go_to(host, &stretch.begin, true).ok()?;
         let times = [stretch.begin.time_us(), stretch.end_us()];
-        (!stretch.is_repeated(host.plant_mut())).then_some(times)
+        (!stretch.is_repeated(host.plant_mut(), is_awaited)).then_some(times)
     })
 }
 
@@ -175,7 +172,7 @@ fn last_in<T>(
     let stretch = host.plant_and_travel().1.history[place].clone();
     go_to(host, &stretch.begin, true)?;
     let mut way = stretch.way(u64::MAX);
-    way.go_to(host.plant_mut(), stretch.begin.time_us());
+    way.go_to(host.plant_mut(), stretch.begin.time_us(), is_awaited);
     let first = (stretch.begin.time_us(), look(host)?.is_some());
     let (mut is_found, mut last) = (first.1, None);
     loop {
@@ -183,7 +180,7 @@ fn last_in<T>(
         if next >= end || must_end(host, is_awaited) {
             break;
         }
-        way.go_to(host.plant_mut(), next);
+        way.go_to(host.plant_mut(), next, is_awaited);
         // Handles the events that were due at the begin of the stretch, if `next` is this moment.
         host.plant_mut().advance_to(next);
         if !core::mem::replace(&mut is_found, look(host)?.is_some()) && is_found {
@@ -194,15 +191,23 @@ fn last_in<T>(
 }
 
 /// Moves the plant to a moment of the history. `here` is a snapshot from the time of the request; the plant returns to
-/// it if the request is refused.
-fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
+/// it if the request is refused or must end early. The history then stays complete.
+fn arrive(
+    host: &mut dyn Host,
+    target: u64,
+    here: &Snapshot,
+    detached: bool,
+    is_awaited: &mut dyn FnMut() -> bool,
+) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
     let stretch = travel.history[place].clone();
     if target > stretch.begin.time_us() && !detached {
         go_to(host, &stretch.begin, true)?;
         let end = stretch.end_us();
-        if !stretch.is_repeated(host.plant_mut()) {
+        let is_repeated = stretch.is_repeated(host.plant_mut(), is_awaited);
+        go_on(host, here, is_awaited)?;
+        if !is_repeated {
             return_to(host, here);
             let begin = stretch.begin.time_us();
             let text = format_args!(
@@ -214,7 +219,8 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
         }
     }
     go_to(host, &stretch.begin, true)?;
-    stretch.way(target).go_to(host.plant_mut(), target);
+    stretch.way(target).go_to(host.plant_mut(), target, is_awaited);
+    go_on(host, here, is_awaited)?;
     let (plant, travel) = host.plant_and_travel();
     travel.is_at(plant);
     Ok(())

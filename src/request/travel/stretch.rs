@@ -75,16 +75,16 @@ impl Stretch {
     }
 
     /// Repeats the stretch. The plant must be at the beginning of the stretch. Returns true if the journal at the end
-    /// has the same hash as the first time.
-    pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
+    /// has the same hash as the first time. If `is_awaited` returns false, ends early; the result is then meaningless.
+    pub(super) fn is_repeated(&self, plant: &mut Plant, is_awaited: &mut dyn FnMut() -> bool) -> bool {
         let StretchEnd { time_us, stores, hash } = self.end;
-        RemainingStores(&self.stores[..stores]).go_to(plant, time_us);
+        RemainingStores(&self.stores[..stores]).go_to(plant, time_us, is_awaited);
         if plant.journal().hash() == hash {
             return true;
         }
         // When the hash was taken, the plant may have handled the events at the end already. So both hashes are
         // compared.
-        plant.advance_to(time_us);
+        plant.advance_while(time_us, is_awaited);
         plant.journal().hash() == hash
     }
 
@@ -104,11 +104,12 @@ impl RemainingStores<'_> {
     }
 
     /// Advances to a moment, and makes the stores up to and including this moment. An operation may cause an event at
-    /// its own emulated time. As in the first run, such an event is handled only when the clock advances.
-    pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
-        let advance = |plant: &mut Plant, time_us| {
+    /// its own emulated time. As in the first run, such an event is handled only when the clock advances. If `is_awaited`
+    /// returns false, ends at an earlier moment.
+    pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64, is_awaited: &mut dyn FnMut() -> bool) {
+        let mut advance = |plant: &mut Plant, time_us| {
             if time_us > plant.now() {
-                plant.advance_to(time_us);
+                plant.advance_while(time_us, is_awaited);
             }
         };
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {

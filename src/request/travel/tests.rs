@@ -161,6 +161,12 @@ fn a_return_ends_without_its_client_and_leaves_the_plant_unchanged() {
                 host.plant.snapshot() == before && host.plant.journal().hash() == hash,
                 "{ops:?} {waits}"
             );
+            // The history is complete.
+            let mut other = self::host();
+            for op in [&until(1)[..], &[back(1_500)], &[back(500)]] {
+                assert_eq!(host.request(op), other.request(op), "{ops:?} {waits}");
+                assert!(host.plant.snapshot() == other.plant.snapshot(), "{ops:?} {waits}");
+            }
             waits += 1;
         }
         assert!(waits > 0, "{ops:?}");
