@@ -800,6 +800,71 @@ fn frames_of_two_buses_are_played_in_the_order_of_their_times() {
     assert_eq!(emulator.run("bus", &["compare", &path]).ok(), "5 frames, no difference\n");
 }
 
+/// Two clients play logs at the same time, each to its bus. The frames keep the times of their log, except for the reported
+/// delay, and each command ends after its last frame.
+#[test]
+fn logs_that_are_played_at_once_keep_their_times_or_report_the_delay() {
+    let two = format!(
+        "{OPEN}\n[[bus]]\nname = 'other'\nkind = 'can'\nkbit_s = 125\ndoors = ['slcan-tcp:127.0.0.1:0']\n"
+    );
+    let emulator = start(&two, &["--clock", "stepped"]);
+    let _guests = [Guest::open(port(&emulator)), Guest::open(port_of(&emulator, 1))];
+    let logs = ["open", "other"].map(|bus| {
+        let line = |index: u32| format!("({}.{}00) {bus} {:03X}#\n", index / 10, index % 10, index + 1);
+        log_file(&(0..30).map(line).collect::<String>())
+    });
+    let mut plays = logs.each_ref().map(|(_, path)| emulator.command("bus", &["play", path]));
+    let played = std::thread::scope(|scope| {
+        let plays = plays.each_mut().map(|play| scope.spawn(|| finish(play)));
+        plays.map(|play| play.join().unwrap())
+    });
+    for outcome in &played {
+        assert!(outcome.ok().starts_with("30 frames in 2900 ms"), "{outcome:?}");
+    }
+    let all = emulator.run("trace", &["--format", "candump"]).out;
+    for (bus, outcome) in ["open", "other"].into_iter().zip(&played) {
+        let frames = all.lines().filter(|line| line.contains(&format!(") {bus} ")));
+        let times: Vec<f64> = frames.map(|line| line[1..18].parse().unwrap()).collect();
+        assert_eq!(times.len(), 30, "{all}");
+        // A command that gets no processor time is late, but its delays do not add up, and it reports them.
+        let late = outcome.out.split_once("up to ").map_or("0 us", |(_, late)| late);
+        let (count, unit) = late.split_once(' ').unwrap();
+        let us =
+            [("us", 1.0), ("ms", 1e3), ("s", 1e6)].into_iter().find(|it| unit.starts_with(it.0)).unwrap().1;
+        let late = count.parse::<f64>().unwrap() * us / 1e6;
+        let delays = times.iter().enumerate().map(|(index, time)| time - times[0] - index as f64 / 10.0);
+        assert!(delays.fold(0.0, f64::max) < late + 0.001, "{late} {times:?}");
+    }
+}
+
+/// `trace` writes `bus0` into a log of candump for a bus with a name that is too long for an interface.
+#[test]
+fn buses_with_long_names_are_compared() {
+    let plant = OPEN.replace("\"open\"", "\"a_very_long_name_of_a_bus\"");
+    let two = format!("{plant}\n[[bus]]\nname = 'another_long_name_of_a_bus'\nkind = 'can'\nkbit_s = 125\n");
+    let emulator = start(&two, &["--clock", "stepped"]);
+    let _guest = Guest::open(port(&emulator));
+    let (_directory, path) = log_file("(1.000) bus0 101#\n(1.050) bus0 102#\n");
+    assert_eq!(emulator.run("bus", &["play", &path]).ok(), "2 frames in 50 ms\n");
+    let (_directory, path) = log_file(emulator.run("trace", &["--format", "candump"]).ok());
+    assert_eq!(emulator.run("bus", &["compare", &path]).ok(), "2 frames, no difference\n");
+}
+
+#[test]
+fn many_interfaces_without_a_bus_have_one_note() {
+    let two = format!("{OPEN}\n[[bus]]\nname = 'other'\nkind = 'can'\nkbit_s = 125\n");
+    let emulator = start(&two, &["--clock", "stepped"]);
+    let lines: String = (0..1_000).map(|index| format!("({index}.0) i{index} 101#\n")).collect();
+    let (_directory, path) = log_file(&lines);
+    let refused = emulator.run("bus", &["compare", &path]);
+    let notes = refused.fails(2);
+    assert!(
+        notes.contains("980 frames of 980 more interfaces passed over: no bus has their names"),
+        "{notes}"
+    );
+    assert_eq!(notes.matches("passed over").count(), 21);
+}
+
 /// If the terminal's path is not available, the terminal is not created, at the start or later.
 #[test]
 fn a_door_without_a_place_for_its_guest_does_not_open() {

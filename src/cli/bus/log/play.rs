@@ -8,8 +8,11 @@ use super::message::Message;
 use super::select::Select;
 use super::{AddressedMessage, Buses, frame_us, nothing, put_in_order, read, telegram_us};
 use crate::channel::ClientError;
+use crate::identity::BusIndex;
+use crate::journal::Source;
 use crate::plural::plural;
 use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Reply, read_journal};
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -64,7 +67,8 @@ const COUNT_US: u64 = 100_000;
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Minimum emulated time, in microseconds, between two requests that send frames with the real-time clock, unless a
 /// request is full: each request wakes up the emulator and this command, which costs more than its frames. canplayer of
-/// can-utils sends once per millisecond, too.
+/// can-utils sends once per millisecond, too. With the stepped clock, longest advance of a request while another client
+/// advances the clock too: each of them is late by the advances of the other.
 const PART_US: u64 = 1_000;
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -143,7 +147,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
     let mut player = Player::new(&session, &buses, &log, next);
     let played = match buses.info.is_stepped {
-        true => player.stepped().map(|()| String::new()),
+        true => player.stepped().map(|clock| clock.text()),
         false => player.in_real_time().map(|timing| timing.text()),
     };
     let frames = plural(log.len() as u64, "frame");
@@ -165,6 +169,54 @@ impl Timing {
     }
 }
 
+/// The stepped clock in the time of the log, in microseconds: 0 is the time of the first frame.
+#[derive(Default)]
+struct SteppedClock {
+    /// Emulated time of the first frame; `None` before the first request.
+    begin_us: Option<u64>,
+    now_us: u64,
+    /// Time until which other clients are assumed to advance the clock too.
+    shared_until_us: u64,
+    /// True if another client has moved the clock.
+    was_shared: bool,
+    /// Longest delay of a frame while another client advanced the clock.
+    latest_us: u64,
+}
+
+impl SteppedClock {
+    fn is_shared(&self) -> bool {
+        self.now_us < self.shared_until_us
+    }
+
+    /// Longest time for which one request advances the clock.
+    fn part_us(&self) -> u64 {
+        if self.is_shared() { PART_US } else { COUNT_US }
+    }
+
+    /// Takes over the emulated time that the emulator has reported.
+    fn is_at(&mut self, time_us: u64) {
+        let now_us = time_us.saturating_sub(*self.begin_us.get_or_insert(time_us));
+        if now_us != self.now_us {
+            (self.now_us, self.was_shared) = (now_us, true);
+            self.shared_until_us = now_us.saturating_add(COUNT_US);
+        }
+    }
+
+    /// Notes that a frame with the time `due_us` is sent now.
+    fn sends(&mut self, due_us: u64) {
+        if self.is_shared() {
+            self.latest_us = self.latest_us.max(self.now_us.saturating_sub(due_us));
+        }
+    }
+
+    fn text(&self) -> String {
+        if !self.was_shared {
+            return String::new();
+        }
+        format!(" of the log; another client moved the clock, up to {} late", time::short(self.latest_us))
+    }
+}
+
 /// Plays the frames of a log.
 struct Player<'a> {
     session: &'a Session,
@@ -176,6 +228,8 @@ struct Player<'a> {
     accepted: usize,
     /// Number of frames that have ended on their bus.
     left: usize,
+    /// Indices of the accepted frames that have not ended, for each bus.
+    pending: BTreeMap<BusIndex, VecDeque<usize>>,
     /// Number of the next record of the journal.
     next: u64,
     /// Time of the last count of ended frames, in microseconds.
@@ -196,6 +250,7 @@ impl<'a> Player<'a> {
             start_us,
             accepted: 0,
             left: 0,
+            pending: BTreeMap::new(),
             next,
             counted_us: 0,
             moved: 0,
@@ -204,23 +259,27 @@ impl<'a> Player<'a> {
     }
 
     /// Advances the clock from frame to frame, then until the last frame has ended.
-    fn stepped(&mut self) -> Result<(), CliError> {
-        let mut now_us = self.start_us;
+    fn stepped(&mut self) -> Result<SteppedClock, CliError> {
+        let mut clock = SteppedClock::default();
         while let Some(next) = self.log.get(self.accepted) {
-            if next.time_us.saturating_sub(now_us) > COUNT_US {
-                self.count_within_gap(&mut now_us, next.time_us)?;
+            if clock.is_shared() {
+                clock.is_at(self.session.ask(Op::Time)?.time()?);
             }
-            if self.send_part(&mut now_us)? {
+            if next.time_us.saturating_sub(clock.now_us) > COUNT_US {
+                self.count_within_gap(&mut clock, next.time_us)?;
+            }
+            if self.send_part(&mut clock)? {
                 let us = self.room_us();
-                self.advance(us)?;
-                now_us += us;
+                self.note_wait(Duration::from_micros(us))?;
+                self.request_at(&mut clock, vec![Op::Advance { us }])?;
             }
-            self.count_at(now_us)?;
+            self.count_at(clock.now_us)?;
         }
         while !self.all_have_left()? {
-            self.advance(ROOM_US)?;
+            self.note_wait(Duration::from_micros(ROOM_US))?;
+            self.request_at(&mut clock, vec![Op::Advance { us: ROOM_US }])?;
         }
-        Ok(())
+        Ok(clock)
     }
 
     /// Returns the emulated time, in microseconds, after which the next message tries again to get room in the queue of
@@ -236,9 +295,9 @@ impl<'a> Player<'a> {
 
     /// Advances the clock in parts up to `due_us`, and counts the accepted frames that end on their bus during this
     /// time.
-    fn count_within_gap(&mut self, now_us: &mut u64, due_us: u64) -> Result<(), CliError> {
+    fn count_within_gap(&mut self, clock: &mut SteppedClock, due_us: u64) -> Result<(), CliError> {
         let mut waited = Duration::ZERO;
-        while waited < PATIENCE && *now_us < due_us {
+        while waited < PATIENCE && clock.now_us < due_us {
             let before = self.left;
             self.count_left()?;
             if self.left >= self.accepted {
@@ -247,58 +306,70 @@ impl<'a> Player<'a> {
             if self.left > before {
                 waited = Duration::ZERO;
             }
-            let us = COUNT_US.min(due_us - *now_us);
-            self.session.ask(Op::Advance { us })?;
-            *now_us += us;
+            let us = clock.part_us().min(due_us - clock.now_us);
+            self.request_at(clock, vec![Op::Advance { us }])?;
             waited += Duration::from_micros(us);
         }
         Ok(())
     }
 
-    /// Sends the next frames, and advances the clock between them. `now_us` is the clock in the time of the log.
-    /// Returns true if there is no room for the next frame.
-    fn send_part(&mut self, now_us: &mut u64) -> Result<bool, CliError> {
+    /// Sends the next frames, and advances the clock between them. Returns true if there is no room for the next frame.
+    fn send_part(&mut self, clock: &mut SteppedClock) -> Result<bool, CliError> {
         let part = &self.log[self.accepted..];
         let mut ops = Vec::with_capacity(MAX_OPS);
-        let mut then_us = *now_us;
+        let mut then_us = clock.now_us;
         for it in part {
             let us = it.time_us.saturating_sub(then_us);
             let sends = sends(it);
-            let is_full = ops.len() + 1 + sends.len() > MAX_OPS;
-            if is_full || !ops.is_empty() && then_us + us - *now_us > COUNT_US {
+            // The first operation of the request reads the clock.
+            let is_full = ops.len() + 2 + sends.len() > MAX_OPS;
+            if is_full || !ops.is_empty() && then_us + us - clock.now_us > clock.part_us() {
+                break;
+            }
+            if clock.is_shared() && us > clock.part_us() {
+                ops.push(Op::Advance { us: clock.part_us() });
                 break;
             }
             ops.extend((us > 0).then_some(Op::Advance { us }));
             then_us += us;
             ops.extend(sends);
         }
-        let advanced = |op: &Op, _: &Reply| {
-            if let Op::Advance { us } = op {
-                *now_us += us;
-            }
-        };
-        Ok(!self.request(&ops, advanced)?)
+        Ok(!self.request_at(clock, ops)?)
     }
 
-    /// Sends operations in one request, and counts the frames that the buses have accepted. Passes each operation that
-    /// is not a frame to `executed`, with its reply. Returns false if there is no room for the next frame; the
-    /// operations after that frame are not executed.
+    /// Sends operations like [`Player::request`], and keeps the clock: the emulator executes a request as a whole, but other
+    /// clients may have moved the clock before it.
+    fn request_at(&mut self, clock: &mut SteppedClock, mut ops: Vec<Op>) -> Result<bool, CliError> {
+        ops.insert(0, Op::Time);
+        let log = self.log;
+        let mut due = log[self.accepted..].iter();
+        self.request(&ops, |op, reply| match (op, reply) {
+            (Op::Time, Reply::Time(time_us)) => clock.is_at(*time_us),
+            (Op::Advance { us }, _) => clock.now_us += us,
+            (Op::BusSend { .. } | Op::TelegramSend { is_last: true, .. }, _) => {
+                clock.sends(due.next().map_or(u64::MAX, |it| it.time_us));
+            }
+            _ => {}
+        })
+    }
+
+    /// Sends operations in one request, and counts the frames that the buses have accepted. Passes each operation to
+    /// `executed`, with its reply. Returns false if there is no room for the next frame; the operations after that frame
+    /// are not executed.
     fn request(&mut self, ops: &[Op], mut executed: impl FnMut(&Op, &Reply)) -> Result<bool, CliError> {
         for (op, reply) in ops.iter().zip(self.session.replies(ops)?) {
             match (op, reply) {
                 (_, Reply::Error(refused)) if refused.code == Code::QUEUE_FULL => return Ok(false),
                 (_, Reply::Error(refused)) => return Err(ClientError::Refused(refused).into()),
-                (Op::TelegramSend { is_last: false, .. }, _) => {}
-                (Op::BusSend { .. } | Op::TelegramSend { .. }, _) => self.accepted += 1,
+                (Op::BusSend { bus, .. } | Op::TelegramSend { bus, is_last: true, .. }, reply) => {
+                    self.pending.entry(*bus).or_default().push_back(self.accepted);
+                    self.accepted += 1;
+                    executed(op, &reply);
+                }
                 (op, reply) => executed(op, &reply),
             }
         }
         Ok(true)
-    }
-
-    fn advance(&mut self, us: u64) -> Result<(), CliError> {
-        self.note_wait(Duration::from_micros(us))?;
-        self.session.ask(Op::Advance { us }).map(drop)
     }
 
     /// Waits for the time of each frame, and until the last frame has ended.
@@ -387,13 +458,27 @@ impl<'a> Player<'a> {
         self.count_left()
     }
 
-    /// Counts the frames that have ended on their buses. In the journal, these are the frames of guest 0, which is the
-    /// sender of played frames.
+    /// Counts the frames that have ended on their buses. In the journal, these are frames of guest 0, which is the sender
+    /// of played frames. The frames that other clients send come from guest 0, too.
     fn count_left(&mut self) -> Result<(), CliError> {
         if self.left < self.accepted {
             let part = read_journal(self.next, |op| self.session.ask(op))?;
-            let guests = part.records.iter().filter_map(|record| record.event.guest());
-            self.left += guests.filter(|guest| *guest == 0).count();
+            let log = self.log;
+            for record in part.records.iter().filter(|record| record.event.guest() == Some(0)) {
+                let Source::Bus(bus) = record.event.source() else { continue };
+                let pending = self.pending.entry(bus).or_default();
+                // A message that was disturbed is not complete in the journal.
+                let message = Message::of_record(record);
+                let is_same = |index: &usize| message.as_ref().is_none_or(|it| log[*index].message == *it);
+                // The octets of a disturbed telegram can be others in the journal.
+                let other = matches!(message, Some(Message::Telegram(_))).then_some(0);
+                if let Some(place) =
+                    pending.iter().position(is_same).or(other.filter(|_| !pending.is_empty()))
+                {
+                    pending.remove(place);
+                    self.left += 1;
+                }
+            }
             self.next = part.end;
         }
         Ok(())
