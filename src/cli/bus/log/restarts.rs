@@ -3,7 +3,7 @@
 use super::{Message, telegram_us};
 use crate::cli::{output, time};
 use crate::plural::plural;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// Largest disorder of a logger, in microseconds (D-824). A logger writes the frames of several interfaces, or of one
 /// transfer over USB, out of order by a few milliseconds.
@@ -11,6 +11,9 @@ const LARGEST_DISORDER_US: u64 = 20_000;
 /// Interval in microseconds from the last frame before a restart to the first one after it (D-825): longer than the longest frame
 /// of CAN at 10 kbit/s, so that the first frame need not wait for the bus.
 const PAUSE_US: u64 = 20_000;
+/// An interface keeps its clock after the restart of another one, if its time is nearer to the clock before the restart by
+/// more than this, in microseconds (D-824).
+const OTHER_CLOCK_US: u64 = 1_000_000;
 /// Lowest rate of PROFIBUS in bit/s.
 const LOWEST_BIT_S: u64 = 9_600;
 /// Maximum number of restarts with an own note.
@@ -53,31 +56,87 @@ pub(super) fn continue_times(log: &mut [Entry], unit: &str) {
     }
 }
 
+/// A part of the log with one run of the logger's clock.
+struct ClockRun {
+    /// The time of the first message, as it is in the log and as it is increased.
+    begin_us: u64,
+    begin_continued_us: u64,
+    /// The latest time in the log.
+    latest_us: u64,
+}
+
+impl ClockRun {
+    /// True if a time is nearer to this run than to the run `new` of a clock that has started again.
+    fn is_nearer(&self, time_us: u64, new: &Self) -> bool {
+        let distance = |run: &Self| time_us.abs_diff(run.latest_us);
+        distance(new) > distance(self).saturating_add(OTHER_CLOCK_US)
+    }
+}
+
+/// An interface of the log.
+struct Interface {
+    /// Index of its run of the clock.
+    run: usize,
+    /// Its latest time in this run.
+    latest_us: u64,
+}
+
+/// True if a time is so much before the latest one of its interface that this is no disorder of the logger.
+fn falls(time_us: u64, latest_us: u64) -> bool {
+    time_us.saturating_add(LARGEST_DISORDER_US) < latest_us
+}
+
 /// Continues the times, and returns the restarts.
 fn find_and_continue(log: &mut [Entry]) -> Vec<Restart> {
     let next_us = next_times(log);
     let mut restarts = Vec::new();
-    // The latest time since the last restart, for each interface; `latest` is that of all interfaces.
-    let mut latest_of: BTreeMap<String, u64> = BTreeMap::new();
-    let mut latest_us = 0;
+    let mut runs = vec![ClockRun { begin_us: 0, begin_continued_us: 0, latest_us: 0 }];
+    let mut interfaces: HashMap<String, Interface> = HashMap::new();
     // The latest of the increased times.
     let mut latest_continued_us = 0;
-    // The time of the first message since the last restart: as it is in the log, and as it is increased.
-    let (mut begin_us, mut begin_continued_us) = (0, 0);
     for (entry, next_us) in log.iter_mut().zip(next_us) {
-        let latest_of_interface = latest_of.get(&entry.interface).copied().unwrap_or(0);
-        let falls = |time_us: u64| time_us.saturating_add(LARGEST_DISORDER_US) < latest_of_interface;
-        if falls(entry.time_us) && next_us.is_some_and(falls) {
-            restarts.push(Restart { at: entry.at, before_us: latest_us, after_us: entry.time_us });
-            latest_of.clear();
-            (begin_us, latest_us) = (entry.time_us, 0);
-            begin_continued_us =
-                u64::saturating_add(latest_continued_us, PAUSE_US + duration_us(&entry.message));
+        let newest = runs.len() - 1;
+        let time_us = entry.time_us;
+        let known = interfaces.get(&entry.interface).map(|it| (it.run, it.latest_us));
+        let (run, latest_us) = match known {
+            Some((run, latest_us)) if run == newest => {
+                let is_restart =
+                    falls(time_us, latest_us) && next_us.is_some_and(|next_us| falls(next_us, latest_us));
+                if is_restart {
+                    restarts.push(Restart {
+                        at: entry.at,
+                        before_us: runs[newest].latest_us,
+                        after_us: time_us,
+                    });
+                    let pause_us = PAUSE_US + duration_us(&entry.message);
+                    runs.push(ClockRun {
+                        begin_us: time_us,
+                        begin_continued_us: u64::saturating_add(latest_continued_us, pause_us),
+                        latest_us: time_us,
+                    });
+                    (newest + 1, time_us)
+                } else {
+                    (newest, latest_us)
+                }
+            }
+            // Since the last message of this interface, the clock of another one has started again. Interfaces of one
+            // logger have one clock, but a log can also contain the interfaces of several loggers.
+            Some((run, latest_us))
+                if !falls(time_us, latest_us) && runs[run].is_nearer(time_us, &runs[newest]) =>
+            {
+                (run, latest_us)
+            }
+            None if newest > 0 && runs[newest - 1].is_nearer(time_us, &runs[newest]) => (newest - 1, 0),
+            _ => (newest, 0),
+        };
+        let after = Interface { run, latest_us: latest_us.max(time_us) };
+        match interfaces.get_mut(&entry.interface) {
+            Some(interface) => *interface = after,
+            None => drop(interfaces.insert(entry.interface.clone(), after)),
         }
-        let latest_of_interface = latest_of.entry(entry.interface.clone()).or_default();
-        *latest_of_interface = entry.time_us.max(*latest_of_interface);
-        latest_us = entry.time_us.max(latest_us);
-        let continued = i128::from(begin_continued_us) + i128::from(entry.time_us) - i128::from(begin_us);
+        let run = &mut runs[run];
+        run.latest_us = run.latest_us.max(time_us);
+        let continued = i128::from(run.begin_continued_us) + i128::from(time_us) - i128::from(run.begin_us);
         entry.time_us = u64::try_from(continued.max(0)).unwrap_or(u64::MAX);
         latest_continued_us = entry.time_us.max(latest_continued_us);
     }
@@ -86,7 +145,7 @@ fn find_and_continue(log: &mut [Entry]) -> Vec<Restart> {
 
 /// Returns for each message the time of the next message of the same interface.
 fn next_times(log: &[Entry]) -> Vec<Option<u64>> {
-    let mut next_of: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut next_of: HashMap<&str, u64> = HashMap::new();
     let mut times: Vec<_> =
         log.iter().rev().map(|entry| next_of.insert(entry.interface.as_str(), entry.time_us)).collect();
     times.reverse();
@@ -153,6 +212,38 @@ mod tests {
             ("b", 2_500),
         ]);
         assert_eq!(times, [9_000_000, 9_000_500, 9_020_500, 9_021_000, 9_022_400, 9_022_900]);
+        assert_eq!(restarts.len(), 1);
+    }
+
+    /// A log can contain the interfaces of several loggers. A restart of the first one does not change the times of the second
+    /// one, nor those of an interface that appears later with the clock of the second one.
+    #[test]
+    fn a_restart_does_not_hold_for_a_clock_that_continues() {
+        let (times, restarts) = continued(&[
+            ("a", 100_000_000),
+            ("b", 100_100_000),
+            ("a", 0),
+            ("b", 100_200_000),
+            ("c", 100_250_000),
+            ("a", 100_000),
+            ("b", 100_300_000),
+            ("c", 100_350_000),
+            ("d", 110_000),
+        ]);
+        let wanted =
+            [100_120_000, 100_200_000, 100_250_000, 100_220_000, 100_300_000, 100_350_000, 100_230_000];
+        assert_eq!(times, [&[100_000_000, 100_100_000][..], &wanted].concat());
+        assert_eq!(restarts, [Restart { at: 3, before_us: 100_100_000, after_us: 0 }]);
+        // The clock of the second one starts again later.
+        let (times, restarts) = continued(&[
+            ("a", 9_000_000),
+            ("b", 9_000_500),
+            ("a", 0),
+            ("b", 9_010_000),
+            ("b", 100),
+            ("a", 200),
+        ]);
+        assert_eq!(times, [9_000_000, 9_000_500, 9_020_500, 9_010_000, 9_020_600, 9_020_700]);
         assert_eq!(restarts.len(), 1);
     }
 
