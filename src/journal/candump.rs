@@ -19,11 +19,15 @@ impl Candump {
     /// Returns a writer with these names. A bus name with more than the 15 characters of an interface name is replaced
     /// by the bus number: `bus0`.
     pub fn new(names: &Names) -> Self {
-        let buses = names.buses.iter().enumerate();
+        Candump { buses: Self::interfaces(&names.buses) }
+    }
+
+    /// Returns the name of each bus in such a log.
+    pub fn interfaces(buses: &[String]) -> Vec<String> {
         let interface = |(index, name): (usize, &String)| {
-            if name.len() <= LONGEST_NAME { name.clone() } else { number(index, &names.buses) }
+            if name.len() <= LONGEST_NAME { name.clone() } else { number(index, buses) }
         };
-        Candump { buses: buses.map(interface).collect() }
+        buses.iter().enumerate().map(interface).collect()
     }
 }
 

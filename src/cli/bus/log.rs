@@ -18,6 +18,7 @@ use crate::devices;
 use crate::door::TrafficKind;
 use crate::identity::BusIndex;
 use crate::input_file;
+use crate::journal::candump::Candump;
 use crate::journal::pcapng;
 use crate::journal::recording::{self, Logged, Recording};
 use crate::plural::plural;
@@ -31,6 +32,8 @@ use std::path::Path;
 
 /// Maximum number of positions of skipped entries in a note.
 const SHOWN_PLACES: usize = 20;
+/// Maximum number of interfaces without a bus that have their own note. A log can have an interface for each frame.
+const SHOWN_INTERFACES: usize = 20;
 
 /// A log file after reading.
 struct Log {
@@ -117,7 +120,12 @@ impl Log {
     ) -> Result<Vec<AddressedMessage>, CliError> {
         self.note_skipped();
         let names = &buses.info.names.buses;
-        let number = |name: &str| names.iter().position(|bus| bus == name);
+        let in_candump = Candump::interfaces(names);
+        // Only a bus with a long name has another name in a log of candump, and no other bus has this name.
+        let number = |name: &str| {
+            let place = |names: &[String]| names.iter().position(|bus| bus == name);
+            place(names).or_else(|| place(&in_candump))
+        };
         let for_all = only.map(|name| number_of_bus(&buses.info.name, names, name)).transpose()?;
         let for_all = for_all.map(BusIndex::index).or((names.len() == 1).then_some(0));
         let mut entries = self.take_messages(select);
@@ -190,12 +198,21 @@ struct PassedOver {
 impl PassedOver {
     /// Prints a note for each reason.
     fn note(self, buses: &[String]) {
-        for (interface, count) in self.without_bus {
+        let others = self.without_bus.values().skip(SHOWN_INTERFACES);
+        let (more, frames) = (self.without_bus.len().saturating_sub(SHOWN_INTERFACES), others.sum::<u64>());
+        for (interface, count) in self.without_bus.into_iter().take(SHOWN_INTERFACES) {
             output::note(&format!(
                 "{} of interface '{interface}' passed over: no bus has this name (the buses are {}); --bus NAME takes \
                  them for a bus",
                 plural(count, "frame"),
                 buses.join(", ")
+            ));
+        }
+        if more > 0 {
+            output::note(&format!(
+                "{} of {} passed over: no bus has their names",
+                plural(frames, "frame"),
+                plural(more as u64, "more interface")
             ));
         }
         for (bus, count) in self.of_other_kind {
