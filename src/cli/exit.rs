@@ -99,7 +99,9 @@ pub(super) fn of_client(error: &crate::channel::ClientError) -> Exit {
     use crate::request::Code;
     match error {
         ClientError::TooManyOperations { .. } => Exit::WrongUse,
-        ClientError::Refused(refused) if refused.code == Code::SHUTTING_DOWN => Exit::NotThere,
+        ClientError::Refused(refused) if [Code::SHUTTING_DOWN, Code::NO_RESOURCE].contains(&refused.code) => {
+            Exit::NotThere
+        }
         ClientError::Refused(refused) if refused.code.is_wrong_use() => Exit::WrongUse,
         ClientError::Refused(_) => Exit::Failed,
         _ => Exit::NotThere,
@@ -150,6 +152,7 @@ mod tests {
         }
         assert_eq!(code(Code::UNMAPPED), 2);
         assert_eq!(code(Code::SHUTTING_DOWN), 3);
+        assert_eq!(code(Code::NO_RESOURCE), 3);
         assert_eq!(
             CliError::Client(ClientError::EmulatorGone { instance: "x".into(), killed: None }).exit_code(),
             3

@@ -453,7 +453,7 @@ impl Io {
             Err(NoPlace::Taken) if self.send_a_silent_one_away() => self.shared.admit(bus, spec),
             admitted => admitted,
         };
-        let guest = guest.map_err(io::Error::other)?;
+        let guest = guest.map_err(|error| io::Error::new(io::ErrorKind::QuotaExceeded, error))?;
         let session = spec.protocol().begin(spec.carrier(), &mut &*guest);
         let unwritten = Vec::new();
         let connection = GuestConnection {

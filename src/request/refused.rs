@@ -71,7 +71,7 @@ impl Code {
     pub const NO_DOORS: Self = Self(35);
     /// The instance has no bus of that number.
     pub const UNKNOWN_BUS: Self = Self(36);
-    /// The door cannot be opened, or does not exist.
+    /// The door does not exist, or the bus cannot have this door.
     pub const DOOR: Self = Self(37);
     /// The bus refuses the frame.
     pub const FRAME: Self = Self(38);
@@ -91,13 +91,15 @@ impl Code {
     pub const UNKNOWN_DRIVE: Self = Self(42);
     /// The drive refuses the parameter, or this value of the parameter.
     pub const PARAMETER: Self = Self(43);
-    /// The operation is not possible now: the drive has no supply or is recalculating the parameter, or other clients keep
-    /// all snapshots.
+    /// The operation is not possible now: the drive has no supply or is recalculating the parameter, other clients keep all
+    /// snapshots, or no place for a guest is free.
     pub const NOT_NOW: Self = Self(44);
+    /// The operating system refuses a resource, such as a file descriptor or an address.
+    pub const NO_RESOURCE: Self = Self(46);
 
     /// True if no state of the plant permits the operation. False if another state may permit it.
     pub fn is_wrong_use(self) -> bool {
-        const STATES: [Code; 13] = [
+        const STATES: [Code; 14] = [
             Code::QUEUE_FULL,
             Code::TOO_MANY_FAULTS,
             Code::TOO_MANY_FOLLOWED,
@@ -106,6 +108,7 @@ impl Code {
             Code::NO_SYNC,
             Code::START_REFUSED,
             Code::NOT_NOW,
+            Code::NO_RESOURCE,
             Code::NOT_SO_FAR,
             Code::NOT_ALONE,
             Code::CLOCK_IS_REAL_TIME,

@@ -320,7 +320,7 @@ fn doors_open_and_close_while_the_plant_runs() {
     assert_eq!(door, format!("slcan-tcp:127.0.0.1:{port}"));
     let mut guest = Guest::open(port);
     let taken = emulator.run("bus", &["open", "open", &door]);
-    assert!(taken.fails(2).contains(&door), "{}", taken.err);
+    assert!(taken.fails(3).contains(&door), "{}", taken.err);
     let unknown = emulator.run("bus", &["close", "open", "slcan-pty:/dev/pts/4000000"]);
     assert!(
         unknown.fails(2).contains("bus 'open' has no door slcan-pty:/dev/pts/4000000"),
@@ -872,7 +872,10 @@ fn a_door_without_a_place_for_its_guest_does_not_open() {
     let port = port(&emulator);
     let mut guests: Vec<_> = (0..64).map(|_| Guest::open(port)).collect();
     let refused = emulator.run("bus", &["open", "open", "slcan-pty"]);
-    assert!(refused.fails(2).contains("an instance has places for 64 guests"), "{}", refused.err);
+    assert!(refused.fails(1).contains("an instance has places for 64 guests"), "{}", refused.err);
+    let taken = emulator.run("bus", &["open", "open", &format!("slcan-tcp:127.0.0.1:{port}")]);
+    assert!(taken.fails(3).contains("ddress already in use"), "{}", taken.err);
+    emulator.run("bus", &["open", "open", "slcan-pty:/dev/pts/1"]).fails(2);
     assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 1);
     guests.pop();
     assert!(eventually(|| emulator.run("bus", &["open", "open", "slcan-pty"]).code == Some(0)));

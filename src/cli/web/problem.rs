@@ -103,13 +103,15 @@ impl Problem {
             _ => (StatusCode::CONFLICT, "the plant is in another state"),
         };
         let is_late = matches!(error, CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. }));
+        let lacks_resource = matches!(error, CliError::Client(ClientError::Refused(refused)) if refused.code == Code::NO_RESOURCE);
+        let title = if lacks_resource { "the system refuses a resource" } else { title };
         Self {
             status,
             kind,
             title,
             detail: error.to_string(),
             members: Map::new(),
-            is_gone: exit == Exit::NotThere && !is_late,
+            is_gone: exit == Exit::NotThere && !is_late && !lacks_resource,
         }
         .with("exit_code", code)
     }
@@ -165,6 +167,8 @@ mod tests {
         assert_eq!(problem(Code::CLOCK_IS_REAL_TIME).status, StatusCode::CONFLICT);
         let ending = problem(Code::SHUTTING_DOWN);
         assert_eq!((ending.status, ending.is_gone()), (StatusCode::SERVICE_UNAVAILABLE, true));
+        let full = problem(Code::NO_RESOURCE);
+        assert_eq!((full.status, full.is_gone()), (StatusCode::SERVICE_UNAVAILABLE, false));
         let unknown = CliError::NotRunning { instance: "x".into(), running: String::new() };
         assert_eq!(Problem::from(unknown).status, StatusCode::NOT_FOUND);
     }

@@ -9,6 +9,7 @@ use crate::identity::BusIndex;
 use crate::journal::Source;
 use crate::profibus::MAX_OCTETS;
 use crate::request::{BusState, Code, FilePart, Host, RateMismatch, Refused, Reply, Station};
+use std::io::ErrorKind;
 
 /// Period over which the load of a bus is measured, in emulated microseconds.
 const LOAD_US: u64 = 100_000;
@@ -60,7 +61,14 @@ impl Work<'_> {
         let family = host.plant().buses().get(bus.index()).map_or("", |bus| bus.family());
         devices::door_fits(family, door).map_err(|text| Refused::new(Code::DOOR, text))?;
         let opened = doors_of(host, bus)?.open(bus, door);
-        opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
+        opened.map(Reply::DoorOpened).map_err(|error| {
+            let code = match error.reason.kind() {
+                ErrorKind::InvalidInput => Code::DOOR,
+                ErrorKind::QuotaExceeded => Code::NOT_NOW,
+                _ => Code::NO_RESOURCE,
+            };
+            Refused::new(code, error)
+        })
     }
 
     pub(super) fn door_close(&mut self, bus: BusIndex, door: Option<DoorSpec>) -> Result<Reply, Refused> {
