@@ -73,8 +73,12 @@ impl Interface {
                 Publication { key, kind, unit, quantity }
             }));
         }
-        let mut subscriptions = Vec::new();
+        let (mut subscriptions, mut values) = (Vec::new(), BTreeSet::new());
         for it in subscribe {
+            // Each search for a register takes long.
+            if !values.insert(&it.value) {
+                return Err(two_subscriptions(&it.value));
+            }
             subscriptions.push(subscription(plant, name, it)?);
         }
         let known: Vec<&str> = plant.bus_names().collect();
@@ -108,11 +112,15 @@ impl Interface {
         }
         let mut taken = BTreeSet::new();
         if let Some(twice) = subscriptions.iter().find(|it| !taken.insert(&it.name)) {
-            let why = "it has two subscriptions; remove one of them".to_owned();
-            return Err(CouplingError::Unfit { name: twice.name.clone(), why });
+            return Err(two_subscriptions(&twice.name));
         }
         Ok(Interface { name: name.clone(), publications, subscriptions, endpoints })
     }
+}
+
+fn two_subscriptions(name: &str) -> CouplingError {
+    let why = "it has two subscriptions; remove one of them".to_owned();
+    CouplingError::Unfit { name: name.to_owned(), why }
 }
 
 fn look_up(plant: &Plant, it: &ValueEntry) -> Result<Vec<Variable>, CouplingError> {

@@ -15,6 +15,9 @@ pub const LIBRARY: &str = "commram_fmi";
 /// Directory for shared objects of this kind of machine.
 const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" };
 
+/// Number of bytes that are searched together for the mark of the shared object.
+const PART: usize = 1 << 16;
+
 /// Reason for which no archive can be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
@@ -32,8 +35,11 @@ pub enum ArchiveError {
 /// True if these bytes are the shared object of this version of commram.
 #[must_use]
 pub fn is_library(bytes: &[u8]) -> bool {
-    let mark = MARK.as_bytes();
-    bytes.starts_with(b"\x7FELF") && bytes.windows(mark.len()).any(|here| here == mark)
+    let part =
+        |begin: usize| bytes.get(begin..bytes.len().min(begin + PART + MARK.len())).unwrap_or_default();
+    // The search in a text of the standard library is fast also in a program without optimization.
+    let mut parts = (0..bytes.len()).step_by(PART).map(|begin| String::from_utf8_lossy(part(begin)));
+    bytes.starts_with(b"\x7FELF") && parts.any(|part| part.contains(MARK))
 }
 
 /// Makes the archive. `name` is the name under which tools show the model, and `library` is the shared object. Equal
@@ -68,6 +74,11 @@ mod tests {
         let other = [b"\x7FELF commram-fmi unit 0.0.1;".as_slice(), b"text"].concat();
         assert!(!is_library(&other) && !is_library(MARK.as_bytes()) && !is_library(b""));
         assert!(is_library(&[b"\x7FELF", MARK.as_bytes(), b"text"].concat()));
+        // The mark is found at each place, also between two parts.
+        for place in [PART - MARK.len(), PART - 1, PART, 2 * PART - 5] {
+            let file = [b"\x7FELF", vec![0xE2; place - 4].as_slice(), MARK.as_bytes()].concat();
+            assert!(is_library(&file) && !is_library(&file[..file.len() - 1]), "{place}");
+        }
     }
 
     #[test]
