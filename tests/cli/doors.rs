@@ -821,20 +821,43 @@ fn logs_that_are_played_at_once_keep_their_times_or_report_the_delay() {
     for outcome in &played {
         assert!(outcome.ok().starts_with("30 frames in 2900 ms"), "{outcome:?}");
     }
-    let all = emulator.run("trace", &["--format", "candump"]).out;
     for (bus, outcome) in ["open", "other"].into_iter().zip(&played) {
-        let frames = all.lines().filter(|line| line.contains(&format!(") {bus} ")));
-        let times: Vec<f64> = frames.map(|line| line[1..18].parse().unwrap()).collect();
-        assert_eq!(times.len(), 30, "{all}");
-        // A command that gets no processor time is late, but its delays do not add up, and it reports them.
-        let late = outcome.out.split_once("up to ").map_or("0 us", |(_, late)| late);
-        let (count, unit) = late.split_once(' ').unwrap();
-        let us =
-            [("us", 1.0), ("ms", 1e3), ("s", 1e6)].into_iter().find(|it| unit.starts_with(it.0)).unwrap().1;
-        let late = count.parse::<f64>().unwrap() * us / 1e6;
-        let delays = times.iter().enumerate().map(|(index, time)| time - times[0] - index as f64 / 10.0);
-        assert!(delays.fold(0.0, f64::max) < late + 0.001, "{late} {times:?}");
+        assert_times(&emulator, bus, outcome, 30);
     }
+}
+
+/// Asserts that `count` frames, one every 100 ms, were not later than `play` reports. A command that gets no processor time
+/// is late, but its delays do not add up.
+fn assert_times(emulator: &Emulator, bus: &str, played: &crate::common::Outcome, count: usize) {
+    let all = emulator.run("trace", &["--format", "candump"]).out;
+    let frames = all.lines().filter(|line| line.contains(&format!(") {bus} ")));
+    let times: Vec<f64> = frames.map(|line| line[1..18].parse().unwrap()).collect();
+    assert_eq!(times.len(), count, "{all}");
+    let late = played.out.split_once("up to ").map_or("0 us", |(_, late)| late);
+    let (number, unit) = late.split_once(' ').unwrap();
+    let us = [("us", 1.0), ("ms", 1e3), ("s", 1e6)].into_iter().find(|it| unit.starts_with(it.0)).unwrap().1;
+    let late = number.parse::<f64>().unwrap() * us / 1e6;
+    let delays = times.iter().enumerate().map(|(index, time)| time - times[0] - index as f64 / 10.0);
+    assert!(delays.fold(0.0, f64::max) < late + 0.001, "{late} {times:?}");
+}
+
+/// Another client advances the clock past the times of some frames.
+#[test]
+fn a_log_that_is_played_beside_steps_keeps_its_times_or_reports_the_delay() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let _guest = Guest::open(port(&emulator));
+    let line = |index: u32| format!("({}.{}00) open {index:03X}#\n", index / 10, index % 10);
+    let (_directory, path) = log_file(&(0..300).map(line).collect::<String>());
+    let mut play = emulator.command("bus", &["play", &path]);
+    let played = std::thread::scope(|scope| {
+        let play = scope.spawn(|| finish(&mut play));
+        while !play.is_finished() {
+            emulator.step(&["130ms"]);
+        }
+        play.join().unwrap()
+    });
+    assert!(played.ok().starts_with("300 frames in 29900 ms of the log; "), "{played:?}");
+    assert_times(&emulator, "open", &played, 300);
 }
 
 /// `trace` writes `bus0` into a log of candump for a bus with a name that is too long for an interface.
