@@ -8,7 +8,7 @@ const SEARCHED: usize = 16;
 
 /// Signs of which a script has a limited number, with their meaning and the largest number. The engine compares each case and
 /// each block with all earlier ones, so without a limit a script of some 100 KB takes minutes.
-const LIMITED: [(&str, &str, usize); 2] = [("=>", "cases", 5_000), ("{", "blocks", 6_000)];
+pub(crate) const LIMITED: [(&str, &str, usize); 2] = [("=>", "cases", 5_000), ("{", "blocks", 6_000)];
 
 /// Compiles a script.
 ///

@@ -10,10 +10,16 @@ pub(super) const MOST_OPERATIONS: u64 = 200_000;
 /// Steps that each call of a hook counts in addition to its own steps, so that calls of empty hooks are also
 /// limited.
 const CALL: u64 = 20;
-/// Processor time of this thread that a script may use within a millisecond of emulated time. A single step
-/// can take long: it may sort an array. Without this limit, a script that keeps its limit of steps could
-/// block the emulator for minutes. Only a script that is too slow for any use reaches the limit, so journals
-/// do not depend on the speed of the computer (D-801).
+/// Weight of a value for which an access counts one more step.
+const WEIGHT_OF_ACCESS: u64 = 32;
+/// Weight of `this` or a constant for which each step of a call counts one more. The engine has no hook for accesses to
+/// them, but no step does more work than with the heaviest of these values.
+const WEIGHT_OF_STEP: u64 = 256;
+/// Steps after which the weight of a changing `this` is determined again.
+const STEPS_PER_WEIGHING: u64 = 1024;
+/// Processor time of this thread that a script may use within a millisecond of emulated time. It is the last resort for a
+/// script that builds large values without any variable, so that it cannot block the emulator. Steps count by the size
+/// of all other values (D-801).
 pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
 /// As long as the script's elapsed time within a millisecond is shorter than this, it is used instead of the
 /// processor time. Reading the processor time of a thread is a system call, which takes longer than a short
@@ -54,6 +60,10 @@ impl Budget {
 pub(super) struct Meter {
     operations: Cell<u64>,
     allowed: Cell<u64>,
+    /// Steps that each step of the call counts.
+    per_step: Cell<u64>,
+    /// Number of steps from which the weight of `this` must be determined again.
+    next_weighing: Cell<u64>,
     bottom: Cell<usize>,
     /// The millisecond of emulated time of the last call.
     millisecond: Cell<u64>,
@@ -83,8 +93,9 @@ pub(super) enum Exceeded {
 }
 
 impl Meter {
-    /// Begins a call at the emulated time `now`, in microseconds. The call may take `allowed` steps.
-    pub(super) fn begin(&self, allowed: u64, now: u64) {
+    /// Begins a call at the emulated time `now`, in microseconds. The call may take `allowed` steps. `weight` is that of the
+    /// heaviest value to which the call has access without a variable: `this`, or a constant.
+    pub(super) fn begin(&self, allowed: u64, now: u64, weight: u64) {
         if self.millisecond.replace(now / 1000) != now / 1000 {
             self.elapsed.set(Duration::ZERO);
             self.used.set(Duration::ZERO);
@@ -92,6 +103,8 @@ impl Meter {
         self.last.set(self.read());
         self.operations.set(0);
         self.allowed.set(allowed);
+        self.per_step.set(0);
+        self.weigh(weight);
         self.bottom.set(stack_position());
     }
 
@@ -124,19 +137,37 @@ impl Meter {
         self.operations.get()
     }
 
-    /// Counts the steps of a verb that works on many registers. If a call has taken too many steps, the next
+    /// Counts the steps of a verb or an access in addition to the steps of the engine. If a call has taken too many steps, the next
     /// step ends it.
     pub(super) fn charge(&self, operations: u64) {
         self.operations.set(self.operations.get().saturating_add(operations));
     }
 
+    /// Counts the steps of an access to a value of this weight.
+    pub(super) fn access(&self, weight: u64) {
+        self.charge(weight / WEIGHT_OF_ACCESS);
+    }
+
+    /// True if the weight of `this` must be determined again, because the call may have changed it.
+    pub(super) fn is_weighing_due(&self) -> bool {
+        self.operations.get() >= self.next_weighing.get()
+    }
+
+    /// Takes over the weight of a value to which the call has access without a variable.
+    pub(super) fn weigh(&self, weight: u64) {
+        self.per_step.set(self.per_step.get().max(1 + weight / WEIGHT_OF_STEP));
+        self.next_weighing.set(self.operations.get().saturating_add(STEPS_PER_WEIGHING));
+    }
+
     /// Counts a step of the script. Returns the first exceeded limit; `None` if no limit is exceeded.
     pub(super) fn step(&self) -> Option<Exceeded> {
-        self.charge(1);
+        let before = self.operations.get();
+        self.charge(self.per_step.get());
         if self.operations.get() > self.allowed.get() {
             return Some(Exceeded::Operations);
         }
-        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.measure() {
+        let is_due = before / STEPS_PER_LOOK != self.operations.get() / STEPS_PER_LOOK;
+        if is_due && self.measure() {
             return Some(Exceeded::Time);
         }
         (self.bottom.get().abs_diff(stack_position()) > MOST_STACK).then_some(Exceeded::Stack)
@@ -166,15 +197,28 @@ mod tests {
     #[test]
     fn a_call_ends_after_its_steps() {
         let meter = Meter::default();
-        meter.begin(2, 0);
+        meter.begin(2, 0, 0);
         assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
         assert_eq!(meter.operations(), 3);
+        meter.begin(10, 0, 4 * WEIGHT_OF_STEP);
+        assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
+        meter.begin(2, 0, 0);
+        meter.access(WEIGHT_OF_ACCESS - 1);
+        assert_eq!(meter.step(), None);
+        meter.access(WEIGHT_OF_ACCESS);
+        assert_eq!(meter.step(), Some(Exceeded::Operations));
+        meter.begin(10, 0, 0);
+        assert!(!meter.is_weighing_due());
+        meter.charge(STEPS_PER_WEIGHING);
+        assert!(meter.is_weighing_due());
+        meter.weigh(0);
+        assert!(!meter.is_weighing_due());
     }
 
     #[test]
     fn calls_of_a_millisecond_share_its_processor_time() {
         let meter = Meter::default();
-        meter.begin(u64::MAX, 1000);
+        meter.begin(u64::MAX, 1000, 0);
         let mut steps = 0_u64;
         while meter.step() != Some(Exceeded::Time) {
             steps += 1;
@@ -183,7 +227,7 @@ mod tests {
         meter.end();
         assert!(steps > STEPS_PER_LOOK, "the first read finds little time");
         let first_look = |now| {
-            meter.begin(u64::MAX, now);
+            meter.begin(u64::MAX, now, 0);
             (0..STEPS_PER_LOOK).find_map(|_| meter.step())
         };
         assert_eq!((first_look(1999), first_look(2000)), (Some(Exceeded::Time), None));

@@ -1,12 +1,12 @@
 //! Checks of the text of a script before it runs.
 
-use super::budget::{MOST_OPERATIONS, Meter};
+use super::budget::{Budget, Meter};
 use super::engine::{MISSING, MOST_ARGUMENTS, engine};
 use super::functions::Functions;
 use super::mistake::Mistake;
 use super::verb_context::VerbContext;
 use super::verbs::{CHANGING, OF_PORT, OF_REGISTERS};
-use super::{Hooks, MAIN, Script};
+use super::{Hooks, MAIN, Script, weight};
 use crate::devices::can_bus;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
@@ -18,9 +18,16 @@ use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// The hooks; the names of the registers of the hook `written`, if the script selects them; the names of the
-/// imported files.
-type Found = (Hooks, Option<Vec<String>>, Vec<String>);
+/// The parts of a script.
+pub(super) struct Found {
+    pub(super) hooks: Hooks,
+    /// Names of the registers of the hook `written`, if the script selects them.
+    pub(super) written: Option<Vec<String>>,
+    /// Names of the imported files.
+    pub(super) imports: Vec<String>,
+    /// Weight of the heaviest constant.
+    pub(super) constants: u64,
+}
 
 /// A line and its error.
 type Wrong = (Position, String);
@@ -42,7 +49,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         (Rc::new(RefCell::new(VerbContext::new(layout, &script.records))), Rc::new(Meter::default()));
     let engine = engine(&context, &meter, &script.files);
     let (mut hooks, mut written, mut named, mut later) = (Hooks::default(), None, Named::default(), None);
-    let mut namesakes = Namesakes::default();
+    let (mut namesakes, mut constants, mut budget) = (Namesakes::default(), 0, Budget::default());
     for (file, text) in script.files.iter() {
         let compiled = whole_script::compile(&engine, text);
         let mut ast = compiled.map_err(|error| Mistake::misread(file, text, layout, &error))?;
@@ -54,6 +61,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         let later = later.get_or_insert_with(|| Functions::of(&ast));
         Calls { layout, records, functions, later }.check(&ast).map_err(at)?;
         named.collect(&ast);
+        constants = weight::of_constants(&ast).max(constants);
         let added = namesakes.add(file, &ast);
         added.map_err(|what| Mistake { file: file.clone(), ..Mistake::new(what) })?;
         if file == MAIN {
@@ -61,11 +69,13 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
             check_port(script, hooks, layout)?;
         }
         // Runs the statements outside of functions. They may be constants and imports; a verb causes an error
-        // here. All files together may use the processor time of one millisecond.
-        meter.begin(MOST_OPERATIONS, 0);
+        // here. All files together may take the steps of one millisecond.
+        meter.begin(budget.begin(0), 0, constants);
         let mut scope = Scope::new();
         let ran = engine.run_ast_with_scope(&mut scope, &ast);
         meter.end();
+        budget.end(meter.operations());
+        constants = scope.iter_raw().map(|(.., value)| weight::of(value)).fold(constants, u64::max);
         ran.map_err(|error| {
             let mistake = Mistake::ran(&error, &engine, &script.files, 0);
             // For an error in the statements outside of functions, the engine names no file. So the name is
@@ -77,7 +87,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         }
     }
     named.check_hooks(script)?;
-    Ok((hooks, written, named.imports))
+    Ok(Found { hooks, written, imports: named.imports, constants })
 }
 
 /// Returns the names in the constant `WRITTEN`.

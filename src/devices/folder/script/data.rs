@@ -4,6 +4,7 @@
 //! of an unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
 
 use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT, most_elements, most_entries, most_texts};
+use super::weight;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::slice::{Iter, IterMut};
 use rhai::{Array, Blob, Dynamic, INT, Map};
@@ -128,10 +129,25 @@ impl Data {
         }
     }
 
+    /// Returns the weight of the value.
+    pub(super) fn weight(&self) -> u64 {
+        self.0.iter().map(weight_of).sum()
+    }
+
     /// True if the items form exactly one value within the limits.
     fn is_whole(&self) -> bool {
         let mut items = self.0.iter();
         self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()
+    }
+}
+
+/// Weight of an item without the contents of a container. A key counts as a text.
+fn weight_of(item: &Item) -> u64 {
+    match item {
+        Item::Text(text) => weight::of_text(text.len()),
+        Item::Bytes(bytes) => weight::of_bytes(bytes.len()),
+        Item::Array(_) | Item::Map(_) => weight::CONTAINER,
+        Item::Nothing | Item::Bool(_) | Item::Int(_) | Item::Float(_) | Item::Char(_) => 1,
     }
 }
 

@@ -22,6 +22,7 @@ mod state;
 mod timers;
 mod verb_context;
 mod verbs;
+mod weight;
 
 pub(crate) use budget::stack_position;
 
@@ -32,6 +33,8 @@ use super::own_records::OwnRecord;
 use super::part::Part;
 use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
+use crate::whole_script;
+use check::Found;
 use firmware::ScriptFirmware;
 use mistake::Mistake;
 use std::path::Path;
@@ -63,6 +66,8 @@ pub(super) struct Script {
     /// Names of the registers for the hook `written`; `None` if the hook is called for all registers that
     /// programs write.
     written: Option<Vec<String>>,
+    /// Weight of the heaviest constant in all files.
+    constants: u64,
     /// Kinds of journal records that it writes.
     records: Arc<[OwnRecord]>,
 }
@@ -137,6 +142,14 @@ impl Script {
         if files.len() > MOST_FILES {
             return too_much("files of its script", files.len(), MOST_FILES);
         }
+        // The parser limits each file. All files together must not take longer.
+        for (sign, what, most) in whole_script::LIMITED {
+            let counts = files.iter().map(|(_, text)| text.matches(sign).count());
+            let count = counts.clone().sum();
+            if count > most && counts.max() <= Some(most) {
+                return too_much(what, count, most);
+            }
+        }
         let bytes = files.iter().map(|(_, text)| text.len()).sum();
         if bytes > LONGEST_SCRIPT {
             return too_much("bytes of its script", bytes, LONGEST_SCRIPT);
@@ -148,6 +161,7 @@ impl Script {
             files: files.into(),
             hooks: Hooks::default(),
             written: None,
+            constants: 0,
             records: Arc::default(),
         }))
     }
@@ -181,11 +195,11 @@ impl Script {
         self.records = records.into();
         // A script with other declared records is another script, so its hash includes these records.
         self.id = XxHash3_64::oneshot_with_seed(self.id, format!("{records:?}").as_bytes());
-        let (hooks, written, imports) = check::check(self, layout).map_err(|mistake| {
+        let Found { hooks, written, imports, constants } = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;
             FolderError::Script { path: dir.join(file), line: line.unwrap_or(1), what }
         })?;
-        (self.hooks, self.written) = (hooks, written);
+        (self.hooks, self.written, self.constants) = (hooks, written, constants);
         if self.watches() && written_registers(layout, self.written()).nth(MOST_WATCHED).is_some() {
             let what = format!(
                 "the hook written has more than {MOST_WATCHED} registers; select registers with a constant: const WRITTEN = [\"card.w_COMMAND\"];"

@@ -36,6 +36,8 @@ pub(super) struct Program {
     context: Rc<RefCell<VerbContext>>,
     meter: Rc<Meter>,
     live: RefCell<LiveStates>,
+    /// Weight of the heaviest constant of the script.
+    constants: u64,
 }
 
 /// Result of a call.
@@ -71,7 +73,7 @@ impl Program {
     /// # Errors
     /// The main file is not a script.
     fn compile(script: &Script, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
-        let Script { files, records, .. } = script;
+        let Script { files, records, constants, .. } = script;
         let context = Rc::new(RefCell::new(VerbContext::new(layout, records)));
         let meter = Rc::new(Meter::default());
         let engine = engine(&context, &meter, files);
@@ -89,6 +91,7 @@ impl Program {
             context,
             meter,
             live: RefCell::default(),
+            constants: *constants,
         })
     }
 
@@ -104,7 +107,9 @@ impl Program {
         let mut this = self.live.borrow_mut().take(state);
         let now = acting.now;
         self.context.borrow_mut().acting = Some(acting);
-        self.meter.begin(allowed, now);
+        self.meter.begin(allowed, now, state.weight().max(self.constants));
+        // After the call, the state is compared and saved.
+        self.meter.access(state.weight());
         let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
         let (mut scope, given) = (Scope::new(), arguments.len());
         let result =

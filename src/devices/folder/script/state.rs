@@ -14,6 +14,8 @@ pub(super) struct State {
     /// Version number of this content. No other content in this process has this number. So a thread can keep
     /// the engine's value for the next call ([`LiveStates`]).
     version: usize,
+    /// Weight of the content.
+    weight: u64,
 }
 
 /// Returns a number that no state has.
@@ -25,7 +27,16 @@ fn new_version() -> usize {
 impl State {
     /// Returns the empty map.
     pub(super) fn empty() -> Self {
-        State { data: Data::empty_map(), version: new_version() }
+        State::new(Data::empty_map())
+    }
+
+    fn new(data: Data) -> Self {
+        State { weight: data.weight(), data, version: new_version() }
+    }
+
+    /// Returns the weight of the map.
+    pub(super) fn weight(&self) -> u64 {
+        self.weight
     }
 }
 
@@ -36,7 +47,9 @@ impl SnapshotFields for State {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.version = new_version();
-        self.data.restore(from)
+        self.data.restore(from)?;
+        self.weight = self.data.weight();
+        Ok(())
     }
 }
 
@@ -65,7 +78,7 @@ impl LiveStates {
             Update::Changed => state.version = new_version(),
             // The next call creates the value from the data. So the value contains only what data can keep.
             Update::Other => {
-                *state = State { data: Data::of_state(&this)?, version: new_version() };
+                *state = State::new(Data::of_state(&this)?);
                 return Ok(());
             }
         }

@@ -144,15 +144,6 @@ impl Verbs<'_> {
                 })
             }
         });
-        self.on("read_all", |context| {
-            move |name: &str| {
-                context.with(|context| {
-                    let all = context.registers(name)?;
-                    let device = context.device()?;
-                    Ok(all.iter().map(|found| number(*found, device).into()).collect::<Array>())
-                })
-            }
-        });
         self.on("write", |context| {
             move |name: &str, new: Dynamic| context.change(name, true, |found| whole(found, &new))
         });
@@ -166,6 +157,22 @@ impl Verbs<'_> {
         self.on("output", |context| {
             move |name: &str, new: INT| context.change(name, false, |found| whole(found, &new.into()))
         });
+    }
+
+    /// Registers verbs that work on many registers. They count one step for each register or word.
+    fn blocks(&mut self, meter: &Rc<Meter>) {
+        let steps = Rc::clone(meter);
+        self.on("read_all", |context| {
+            move |name: &str| {
+                context.with(|context| {
+                    let all = context.registers(name)?;
+                    steps.charge(all.len() as u64);
+                    let device = context.device()?;
+                    Ok(all.iter().map(|found| number(*found, device).into()).collect::<Array>())
+                })
+            }
+        });
+        let steps = Rc::clone(meter);
         self.on("output_all", |context| {
             move |name: &str, new: Array| {
                 context.with(|context| {
@@ -177,6 +184,7 @@ impl Verbs<'_> {
                             plural_of(&new, "value")
                         ));
                     }
+                    steps.charge(all.len() as u64);
                     for (found, new) in all.iter().zip(&new) {
                         let (found, value) = (own(*found)?, bits(*found, new)?);
                         context.device()?.write(found, false, |_| value);
@@ -185,10 +193,6 @@ impl Verbs<'_> {
                 })
             }
         });
-    }
-
-    /// Registers verbs that work on many registers. They count one step for each register or word.
-    fn blocks(&mut self, meter: &Rc<Meter>) {
         let steps = Rc::clone(meter);
         self.on("copy", |context| {
             move |from: &str, to: &str| {
