@@ -187,6 +187,18 @@ errors! {
         /// The process id of the emulator.
         pid: u32,
     } => Exit::NotThere,
+    /// The emulator was killed after it had begun to end in good order.
+    #[error(
+        "the emulator of instance '{instance}' (process {pid}) was killed during its end, and the last changes of NOVRAM \
+         may be lost; {files}"
+    )]
+    KilledAtEnd {
+        instance: String,
+        /// The process id of the emulator.
+        pid: u32,
+        /// What has happened to the files of the instance, or what the user can do with them.
+        files: String,
+    } => Exit::NotThere,
     /// The search text does not occur in the register map.
     #[error("nothing in the register map of {device} has `{text}` in its name, meaning or values{hint}")]
     NotFound {

@@ -145,6 +145,11 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
         Err(error @ CliError::Dead { .. }) if clean => {
             clean_up(name)?.map_or(Err(error), |outcome| output::print(&outcome))
         }
+        // The loss stays an error, although the files are removed.
+        Err(CliError::KilledAtEnd { instance, pid, files }) if clean => {
+            let files = clean_up(name)?.map_or(files, |_| "its files are removed".to_owned());
+            Err(CliError::KilledAtEnd { instance, pid, files })
+        }
         Err(error) => Err(error),
     }
 }
@@ -310,7 +315,12 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     }
     // An emulator that ends cleanly leaves no files.
     if running.has_left_files() {
-        return Err(CliError::Dead { instance: name.to_owned(), pid: pid.unwrap_or_default() });
+        let (instance, pid) = (name.to_owned(), pid.unwrap_or_default());
+        if !running.was_ending() {
+            return Err(CliError::Dead { instance, pid });
+        }
+        let files = format!("remove its files with `commram stop --clean -i {name}`");
+        return Err(CliError::KilledAtEnd { instance, pid, files });
     }
     match running.is_unsaved() {
         true => Err(CliError::Unsaved { instance: name.to_owned() }),

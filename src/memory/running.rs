@@ -158,6 +158,11 @@ impl RunningInstance {
         self.files.iter().any(LockedFile::is_unsaved)
     }
 
+    /// Called after the emulator was killed. True if it had begun to end in good order.
+    pub fn was_ending(&self) -> bool {
+        self.files.iter().any(|file| file.state() == Some(State::Stopping))
+    }
+
     /// Called after the end of the emulator. True if its files still have their names, because it was killed before it
     /// removed them. Files that another emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
@@ -168,12 +173,17 @@ impl RunningInstance {
 impl LockedFile {
     /// True if the file is the lock or an image of an emulator that could not save the changes in NOVRAM.
     fn is_unsaved(&self) -> bool {
-        if self.path.ends_with(LOCK) {
-            return instance::is_unsaved(&self.file);
+        match self.path.ends_with(LOCK) {
+            true => instance::is_unsaved(&self.file),
+            false => self.state() == Some(State::Unsaved),
         }
+    }
+
+    /// State in the header page, if the file is an image.
+    fn state(&self) -> Option<State> {
         let mut state = [0; 4];
-        let read = self.file.read_exact_at(&mut state, core::mem::offset_of!(Header, state) as u64);
-        read.is_ok() && State::from_code(u32::from_le_bytes(state)) == Some(State::Unsaved)
+        self.file.read_exact_at(&mut state, core::mem::offset_of!(Header, state) as u64).ok()?;
+        State::from_code(u32::from_le_bytes(state))
     }
 
     /// True if a process holds the exclusive lock. Takes a shared lock for a moment.

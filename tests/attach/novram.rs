@@ -55,10 +55,10 @@ fn every_client_that_waits_for_the_end_reports_a_lost_flag() {
         let clients: Vec<_> = (0..4).map(|_| stop()).collect();
         let outcomes = clients.into_iter().map(|client| client.wait_with_output().unwrap());
         for outcome in outcomes.collect::<Vec<_>>() {
-            let said = String::from_utf8(outcome.stderr).unwrap();
-            let is_late = outcome.status.code() == Some(3) && said.contains("is not running");
-            let reports = outcome.status.code() == Some(1) && said.contains("the last changes are lost");
-            assert!(is_late || reports, "round {round}, {}: {said}", outcome.status);
+            let err = String::from_utf8(outcome.stderr).unwrap();
+            let is_late = outcome.status.code() == Some(3) && err.contains("is not running");
+            let reports = outcome.status.code() == Some(1) && err.contains("the last changes are lost");
+            assert!(is_late || reports, "round {round}, {}: {err}", outcome.status);
         }
         assert_eq!(emulator.wait().code(), Some(1));
     }

@@ -5,7 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Longest real time of the load beside a script, so that a failed test ends.
+const LONGEST_LOAD: Duration = Duration::from_secs(60);
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
 
@@ -360,7 +363,12 @@ fn the_journal_of_a_slow_script_does_not_depend_on_the_load() {
             let is_over = AtomicBool::new(!is_loaded);
             std::thread::scope(|scope| {
                 for _ in 0..4 {
-                    scope.spawn(|| while !is_over.load(Ordering::Relaxed) {});
+                    scope.spawn(|| {
+                        let start = Instant::now();
+                        while !is_over.load(Ordering::Relaxed) && start.elapsed() < LONGEST_LOAD {
+                            std::hint::spin_loop();
+                        }
+                    });
                 }
                 let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
                 emulator.breaks(&["script-stopped"]);

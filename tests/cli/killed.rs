@@ -216,6 +216,47 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
+/// A suspended client that watches a register holds up the end of the emulator, which is killed then. Every form of
+/// `commram stop` reports this. A late kill finds an emulator that has ended, so the script repeats the round.
+#[test]
+fn a_kill_during_the_end_is_an_error() {
+    let script = "mount -t tmpfs -o mode=1777 tmpfs /dev/shm || exit 77
+        out=$(mktemp)
+        round() {
+            $COMMRAM run --clock stepped -i ending >/dev/null 2>&1 & emulator=$!
+            until $COMMRAM status -i ending >/dev/null 2>&1; do sleep 0.05; done
+            : >$out; $COMMRAM watch node2.b_AC -i ending >$out 2>&1 & reader=$!
+            until grep -q watching $out; do sleep 0.05; done
+            kill -STOP $reader
+            $COMMRAM stop \"$@\" >$out 2>&1 & stop=$!
+            until [ \"$(od -An -tu4 -j32 -N4 /dev/shm/commram.ending.line 2>&1 | tr -d ' ')\" != 2 ]; do :; done
+            kill -KILL $emulator; wait $emulator; status=$?
+            kill -KILL $reader; kill -CONT $reader; wait $reader
+            wait $stop; code=$?
+            [ $status = 137 ]
+        }
+        for arguments in '-i ending' '--all' '--clean -i ending' '--clean --all'; do
+            until round $arguments; do $COMMRAM stop --clean -i ending; done
+            echo code $code; cat $out; $COMMRAM stop --clean -i ending >/dev/null 2>&1
+        done 2>/dev/null
+        rm $out";
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
+    let lines: Vec<_> = outcome.out.lines().collect();
+    let [kept, all_kept, removed, all_removed] = lines.chunks(2).collect::<Vec<_>>()[..] else {
+        panic!("{outcome:?}")
+    };
+    for (found, files) in [
+        (kept, "remove its files with `commram stop --clean -i ending`"),
+        (all_kept, "remove its files with `commram stop --clean -i ending`"),
+        (removed, "its files are removed"),
+        (all_removed, "its files are removed"),
+    ] {
+        let was_killed = "was killed during its end, and the last changes of NOVRAM may be lost; ";
+        assert_eq!(found[0], "code 3", "{outcome:?}");
+        assert!(found[1].ends_with(&format!("{was_killed}{files}")), "{outcome:?}");
+    }
+}
+
 /// Tests with each single file of a killed emulator, and with empty files, which do not identify a process.
 #[test]
 fn clean_removes_all_remaining_files_of_an_instance() {
