@@ -1,8 +1,7 @@
 //! Progress of a command that waits for a long time, on a terminal.
 
 use super::output;
-use crate::devices;
-use crate::memory::AttachMode;
+use crate::memory::{AttachMode, Image};
 use crate::time;
 use std::io::{self, IsTerminal, Write};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -20,8 +19,8 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work:
         return work();
     }
     let emulated = || {
-        let attached = devices::attach(instance, plc, AttachMode::ReadOnly).ok();
-        attached.map(|(image, _)| image.header_snapshot().virtual_time_us.load())
+        let attached = Image::attach(instance, plc, AttachMode::ReadOnly, None).ok();
+        attached.map(|image| image.header_snapshot().virtual_time_us.load())
     };
     let begin_us = emulated();
     let (running, over) = mpsc::channel::<()>();

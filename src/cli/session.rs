@@ -15,7 +15,7 @@ use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
-    AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, MemoryError,
+    AttachMode, Attached, Condition, EmulatorProcess, Header, Image, ImageInfo, ImageSummary, MemoryError,
     RunningInstance, Width,
 };
 use crate::plant::Forced;
@@ -249,7 +249,7 @@ impl Session {
             }
             _ => {
                 let name = self.plcs.get(plc.index()).map_or("", String::as_str);
-                Ok(devices::attach(&self.instance, name, AttachMode::ReadOnly)?.0.header_snapshot())
+                Ok(Image::attach(&self.instance, name, AttachMode::ReadOnly, None)?.header_snapshot())
             }
         }
     }

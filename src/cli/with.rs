@@ -7,6 +7,7 @@ use super::{descriptors, output};
 use crate::memory::limits;
 use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};
+use rustix::rand::{GetRandomFlags, getrandom};
 use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal};
@@ -56,7 +57,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let inherited = descriptors::inheritable();
-    let name = args.instance.clone().unwrap_or_else(|| format!("with-{}", std::process::id()));
+    let name = args.instance.clone().unwrap_or_else(unique_name);
     let [program, arguments @ ..] = args.command.as_slice() else { return Ok(()) };
     let mut command = Command::new(program);
     command.args(arguments).env("COMMRAM_INSTANCE", &name);
@@ -109,6 +110,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         output::complain(&error.to_string());
     }
     Err(ended)
+}
+
+/// Returns a name for an instance. Processes in several containers with one `/dev/shm` can have the same process id, so
+/// the name also has a random part.
+fn unique_name() -> String {
+    let mut random = [0; 4];
+    // Without random numbers of the kernel, the process id still distinguishes the name from most others.
+    let _ = getrandom(&mut random, GetRandomFlags::empty());
+    format!("with-{}-{:08x}", std::process::id(), u32::from_le_bytes(random))
 }
 
 /// Returns the error by which this process ends in the same way as a process with this exit status.

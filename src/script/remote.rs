@@ -3,9 +3,8 @@
 use super::ScenarioError;
 use super::carrier::Carrier;
 use crate::channel::{Client, ClientError};
-use crate::devices;
 use crate::identity::DeviceIndex;
-use crate::memory::{AttachMode, Segment};
+use crate::memory::{AttachMode, Image, Segment};
 use crate::request::{Op, Reply, WrongReply};
 
 /// A connection to an instance.
@@ -42,7 +41,7 @@ impl Carrier for Remote {
 
     fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError> {
         let name = self.plcs.get(plc.index()).map_or("", String::as_str);
-        let (attached, _) = devices::attach(&self.instance, name, AttachMode::ReadWrite)?;
+        let attached = Image::attach(&self.instance, name, AttachMode::ReadWrite, None)?;
         Ok(attached.segment().clone())
     }
 }

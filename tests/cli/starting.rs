@@ -227,6 +227,23 @@ fn with_gives_a_command_an_emulator_and_ends_with_its_exit_code() {
     assert_eq!(with(&[], "kill -KILL $$").code, Some(128 + 9));
 }
 
+/// Processes in different containers can have the same process id.
+#[test]
+fn names_that_with_chooses_differ_although_the_process_ids_are_equal() {
+    let name = || {
+        let mut shell = Command::new("unshare");
+        shell.args(["--pid", "--fork", "--kill-child", "--mount-proc"]).arg(commram().get_program());
+        finish(shell.args(["with", "--clock", "stepped", "--", "sh", "-c", "echo $COMMRAM_INSTANCE"]))
+    };
+    let [one, other] = [name(), name()];
+    if one.err.contains("unshare: ") {
+        eprintln!("SKIPPED: no PID namespace: {}", one.err);
+        return;
+    }
+    assert!(one.ok().starts_with("with-1-") && other.ok().starts_with("with-1-"), "{one:?} {other:?}");
+    assert_ne!(one.out, other.out);
+}
+
 #[test]
 fn with_takes_plant_and_name_and_exports_the_name() {
     let name = unique_name();

@@ -4,9 +4,8 @@ use crate::channel::{Client, ClientError};
 use crate::cli::error::CliError;
 use crate::cli::instance::Instance;
 use crate::cli::session::{Session, send};
-use crate::devices;
 use crate::identity::DeviceIndex;
-use crate::memory::{AttachMode, Attached, Header};
+use crate::memory::{AttachMode, Attached, Header, Image};
 use crate::request::{Code, Op, Reply};
 use std::time::Duration;
 
@@ -64,8 +63,8 @@ impl RunningInstance {
         let session = Session::open(instance, 0)?;
         let plcs = session.plcs().to_vec();
         let client = session.into_client()?;
-        let attach = |plc: &String| devices::attach(instance.name(), plc, AttachMode::ReadOnly);
-        let images = plcs.iter().map(|plc| Ok(attach(plc)?.0)).collect::<Result<Vec<_>, CliError>>()?;
+        let attach = |plc: &String| Image::attach(instance.name(), plc, AttachMode::ReadOnly, None);
+        let images = plcs.iter().map(attach).collect::<Result<Vec<_>, _>>()?;
         Ok(Self { client, instance: instance.name().to_owned(), images })
     }
 }
