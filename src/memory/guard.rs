@@ -37,6 +37,9 @@ struct Slot {
     /// Length of the map in bytes.
     size: AtomicUsize,
     file: AtomicI32,
+    /// Blocks of 512 bytes that the file had at first. If another process shortens the file and restores its length, the
+    /// file has fewer blocks.
+    blocks: AtomicUsize,
     mended: AtomicBool,
     tries: AtomicUsize,
 }
@@ -46,6 +49,7 @@ static SLOTS: [Slot; MAX_GUARDED] = [const {
         base: AtomicUsize::new(0),
         size: AtomicUsize::new(0),
         file: AtomicI32::new(-1),
+        blocks: AtomicUsize::new(0),
         mended: AtomicBool::new(false),
         tries: AtomicUsize::new(0),
     }
@@ -58,13 +62,13 @@ impl Slot {
     }
 
     /// Restores the length of the file, and returns true if there was memory for it. `None` if the file has its full
-    /// length.
+    /// length and all its memory.
     fn grow_back(&self) -> Option<bool> {
         // SAFETY: the file is open for as long as the slot is taken.
         let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };
         let stat = rustix::fs::fstat(file).ok()?;
         let size = self.size.load(Ordering::Acquire) as u64;
-        if stat.st_size >= size as i64 {
+        if stat.st_size >= size as i64 && stat.st_blocks >= self.blocks.load(Ordering::Acquire) as i64 {
             return None;
         }
         self.mended.store(true, Ordering::Release);
@@ -90,6 +94,10 @@ impl Guard {
         if let Some(slot) = place.and_then(|place| SLOTS.get(place)) {
             slot.file.store(file, Ordering::Release);
             slot.size.store(size, Ordering::Release);
+            // SAFETY: the caller has opened the file.
+            let stat = rustix::fs::fstat(unsafe { BorrowedFd::borrow_raw(file) });
+            let blocks = stat.map_or(0, |stat| usize::try_from(stat.st_blocks).unwrap_or(0));
+            slot.blocks.store(blocks, Ordering::Release);
             slot.mended.store(false, Ordering::Release);
             slot.tries.store(0, Ordering::Release);
             slot.base.store(base.addr(), Ordering::Release);

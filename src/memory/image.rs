@@ -180,6 +180,12 @@ impl Image {
         self.guard.has_mended()
     }
 
+    /// Like [`Image::was_shortened`], but checks the file now.
+    pub fn is_shortened(&self) -> bool {
+        self.guard.look();
+        self.was_shortened()
+    }
+
     /// Creates a watch to check the file from another thread. Must be dropped before the image.
     pub fn watch(&self) -> ImageFileWatch {
         ImageFileWatch {

@@ -402,7 +402,7 @@ impl Emulator {
         };
         // An image may have been shortened without an access to the missing part. Only this check then detects it.
         for image in &self.images {
-            let _ = image.watch().look();
+            let _ = image.is_shortened();
         }
         lost(self)?;
         self.plant.keep_novram();
@@ -415,9 +415,12 @@ impl Emulator {
     /// Writes the NOVRAM that has changed to its files.
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
-        let is_lost = |plc: DeviceIndex| images.get(plc.index()).is_some_and(Image::was_shortened);
-        let stored = |plc: DeviceIndex| {
-            let device = devices.get(plc.index()).filter(|_| !is_lost(plc))?;
+        let stored = |plc: DeviceIndex, checks: bool| {
+            let is_lost = if checks { Image::is_shortened } else { Image::was_shortened };
+            if images.get(plc.index()).is_some_and(is_lost) {
+                return None;
+            }
+            let device = devices.get(plc.index())?;
             Some(device.novram().map_or((&[][..], 0), |novram| novram.contents()))
         };
         self.novram.save(stored, last);

@@ -53,6 +53,17 @@ fn nothing_of_a_shortened_image_gets_into_novram() {
     assert!(eventually(|| novram.exists()), "it is written once a second");
     File::options().write(true).open(image(&emulator)).unwrap().set_len(0).unwrap();
     assert_eq!(emulator.wait().code(), Some(1));
+
+    // The process gives the file its length back before the emulator accesses it. The header page is intact.
+    let mut emulator = start();
+    let file = File::options().write(true).open(image(&emulator)).unwrap();
+    let length = file.metadata().unwrap().len();
+    attach(&emulator).segment().store(flag, Width::Dword, 5).unwrap();
+    file.set_len(4096).unwrap();
+    file.set_len(length).unwrap();
+    let stopped = emulator.run("stop", &[]);
+    assert!(matches!(stopped.code, Some(1 | 3)), "{stopped:?}");
+    assert_eq!(emulator.wait().code(), Some(1));
     let emulator = start();
     assert_eq!(attach(&emulator).segment().load(flag, Width::Dword).unwrap(), 0x1234_5678);
 }

@@ -114,7 +114,7 @@ fn registers_lost_during_the_read_are_not_written() {
         segment.store(FLAG, Width::Dword, if is_lost { 0 } else { 7 }).unwrap();
         let looks = std::cell::Cell::new(0);
         let registers = [0; REGISTERS];
-        let stored = |_| {
+        let stored = |_, _| {
             looks.set(looks.get() + 1);
             (!is_lost || looks.get() == 1).then_some((&registers[..], 0))
         };
@@ -274,10 +274,10 @@ fn the_keeper_has_written_everything_when_it_ends() {
     let mut keeper = Keeper::new(Some(opened), novram).unwrap();
     let configs = [1, 0, 2].map(|byte| [byte; REGISTERS]);
     for generation in 1..50 {
-        keeper.save(|plc| Some((&configs[plc.index()][..], generation)), false);
+        keeper.save(|plc, _| Some((&configs[plc.index()][..], generation)), false);
     }
     segments[1].store(FLAG, Width::Byte, 9).unwrap();
-    keeper.save(|plc| Some((&configs[plc.index()][..], 50)), true);
+    keeper.save(|plc, _| Some((&configs[plc.index()][..], 50)), true);
     drop(keeper);
     for (name, byte, flag) in [("a", 1, 0), ("b", 2, 9)] {
         let bytes = fs::read(directory.path().join(format!("{name}.novram"))).unwrap();
@@ -321,9 +321,9 @@ fn failed_writes_are_repeated_until_they_succeed() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
-    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), false);
+    keeper.save(|_, _| Some((&[5; REGISTERS][..], 1)), false);
     // No value has changed since the failed write, but the keeper retries it.
-    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
+    keeper.save(|_, _| Some((&[5; REGISTERS][..], 1)), true);
     assert_eq!(saved(&directory), None);
     fs::remove_dir(in_the_way).unwrap();
     wait_until_saved(&directory);
@@ -337,7 +337,7 @@ fn a_failed_last_write_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let _in_the_way = block(&directory);
-    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
+    keeper.save(|_, _| Some((&[5; REGISTERS][..], 1)), true);
     let error = keeper.close().unwrap_err();
     assert!(matches!(error, NovramError::Lost { .. }), "{error:?}");
     let error = error.to_string();
@@ -350,7 +350,7 @@ fn a_missing_directory_is_created_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     fs::remove_dir_all(directory.path()).unwrap();
-    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
+    keeper.save(|_, _| Some((&[5; REGISTERS][..], 1)), true);
     keeper.close().unwrap();
     assert_eq!(saved(&directory).unwrap().registers(), [5; REGISTERS]);
 }

@@ -49,10 +49,11 @@ impl Keeper {
         Ok(Keeper { novram, writer, next_look: Instant::now() + RETAIN_EVERY })
     }
 
-    /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost. Retain
-    /// flags are checked once a second, and in the `last` call, which also restores files that another program has
+    /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost; if its
+    /// second argument is true, it first checks whether another process has shortened the image. Retain flags are checked
+    /// once a second, and in the `last` call, which also restores files that another program has
     /// damaged or removed.
-    pub fn save<'a>(&mut self, stored: impl Fn(DeviceIndex) -> Option<(&'a [u8], u32)>, last: bool) {
+    pub fn save<'a>(&mut self, stored: impl Fn(DeviceIndex, bool) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
         let retain = last || now >= self.next_look;
@@ -61,14 +62,14 @@ impl Keeper {
         }
         let novram = DeviceIndex::enumerate(&mut self.novram);
         for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
-            if let Some(stored_now) = stored(index) {
+            if let Some(stored_now) = stored(index, false) {
                 let job = match novram.changed(stored_now, retain) {
                     Some(content) => Job::Store(novram.name.clone(), content),
                     None if last => Job::Restore(novram.name.clone(), novram.saved.clone()),
                     None => continue,
                 };
                 // If the image was shortened during the read, the file keeps the last known content.
-                if stored(index).is_some() {
+                if stored(index, true).is_some() {
                     // This cannot fail: the thread runs as long as this value exists.
                     let _ = jobs.send(job);
                 }
