@@ -897,7 +897,7 @@ fn a_door_without_a_place_for_its_guest_does_not_open() {
     let refused = emulator.run("bus", &["open", "open", "slcan-pty"]);
     assert!(refused.fails(1).contains("an instance has places for 64 guests"), "{}", refused.err);
     let taken = emulator.run("bus", &["open", "open", &format!("slcan-tcp:127.0.0.1:{port}")]);
-    assert!(taken.fails(3).contains("ddress already in use"), "{}", taken.err);
+    assert!(taken.fails(3).contains("Address already in use"), "{}", taken.err);
     emulator.run("bus", &["open", "open", "slcan-pty:/dev/pts/1"]).fails(2);
     assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 1);
     guests.pop();
