@@ -35,11 +35,12 @@ impl Ring {
 
     /// Maximum number of records in this ring, for a journal whose rings have `capacity` records each by default.
     #[inline]
-    pub(super) fn share(self, capacity: usize) -> usize {
+    pub(super) const fn share(self, capacity: usize) -> usize {
         match self {
             // Half of the capacity, because the memory of this ring is in addition to that of the other rings. The ring
             // is empty unless a client follows registers.
-            Ring::History => (capacity / 2).max(1),
+            Ring::History if capacity < 2 => 1,
+            Ring::History => capacity / 2,
             _ => capacity,
         }
     }

@@ -38,6 +38,7 @@ use crate::plc::Ram;
 use crate::plural::plural;
 use crate::request::{InstanceInfo, Op};
 use ask::Spot;
+use core::ops::Range;
 use core::panic::Location;
 use std::path::Path;
 
@@ -77,10 +78,21 @@ pub struct Bench {
     limit_us: u64,
     /// Faults that must take effect.
     required: Vec<Required>,
+    /// Registers that the scenario records.
+    recorded: Vec<Recorded>,
     /// Numbers of the kept snapshots.
     saved: Vec<u32>,
     /// Called regularly while the clock advances: returns true to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
+}
+
+/// Registers that a call of `record` selects.
+struct Recorded {
+    plc: DeviceIndex,
+    /// Their bytes in the image.
+    bytes: Range<u32>,
+    /// Number of the first record after the call.
+    from: u64,
 }
 
 /// A fault that must take effect.
@@ -188,6 +200,7 @@ impl Bench {
             started_us,
             limit_us: Self::LIMIT_US,
             required: Vec::new(),
+            recorded: Vec::new(),
             saved: Vec::new(),
             interrupt: None,
         })

@@ -1,8 +1,8 @@
 //! Verbs for the history of registers.
 
-use super::Bench;
 use super::ask::Spot;
-use crate::journal::{By, Changed, Keep, Record};
+use super::{Bench, Recorded};
+use crate::journal::{By, Changed, Journal, Keep, Record, Ring};
 use crate::request::{Op, ranges};
 use crate::script::{ScenarioError, Value};
 use core::panic::Location;
@@ -36,16 +36,18 @@ impl Bench {
                 (plc, offset, width.bytes())
             }
         };
+        let from = self.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
+        self.recorded.push(Recorded { plc, bytes: offset..offset.saturating_add(len), from });
         for (offset, len) in ranges(offset, len) {
             self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?;
         }
         Ok(())
     }
 
-    /// Returns the changes of a register since [`Bench::record`] that the journal still keeps.
+    /// Returns the changes of a register since the first call of [`Bench::record`].
     ///
     /// # Errors
-    /// There is no such register, it is a single bit, or it is not recorded.
+    /// There is no such register, it is a single bit, it is not recorded, or the journal no longer has all changes.
     pub fn history(&mut self, text: &str) -> Result<Vec<PastChange>, ScenarioError> {
         let register = self.whole_register(text)?;
         let past = |(time_us, change): (u64, Changed)| {
@@ -62,10 +64,23 @@ impl Bench {
         Spot { plc, offset, width }: Spot,
     ) -> Result<Vec<(u64, Changed)>, ScenarioError> {
         let (records, _) = self.records(0)?;
+        // Another program may have recorded the register before.
+        let covers = |it: &&Recorded| it.plc == plc && it.bytes.contains(&offset);
+        let from = self.recorded.iter().filter(covers).map(|it| it.from).min().unwrap_or(0);
+        let kept = || records.iter().filter(|record| record.event.kind().ring() == Ring::History);
+        if kept().count() >= Journal::MOST_CHANGES && kept().next().is_some_and(|oldest| oldest.seq > from) {
+            let right = format!(
+                "the journal no longer has all changes since `record`, because it keeps {} changes of all recorded registers; \
+                 record fewer registers",
+                Journal::MOST_CHANGES
+            );
+            return Err(ScenarioError::Argument { text: text.to_owned(), right });
+        }
         let change = |record: &Record| {
             Some((record.time_us, record.event.get::<Changed>()?.part(plc, offset, width)?))
         };
-        let changes: Vec<_> = records.iter().filter_map(change).collect();
+        let since = records.iter().filter(|record| record.seq >= from);
+        let changes: Vec<_> = since.filter_map(change).collect();
         // Without a recording, an empty list would say that the register has not changed.
         if changes.is_empty() && self.ask(Op::IsRecorded { plc, offset })?.value()? == 0 {
             let right = "this register is not recorded; call `record` before the changes, and again after `back_to` a moment \
@@ -79,8 +94,8 @@ impl Bench {
     /// call of `record` is not part of the list.
     ///
     /// # Errors
-    /// The register has held other values; there is no such register, it is a single bit, it is not recorded, or it cannot
-    /// hold one of the values.
+    /// The register has held other values; there is no such register, it is a single bit, it is not recorded, it cannot
+    /// hold one of the values, or the journal no longer has all changes.
     #[track_caller]
     pub fn expect_history<V: Into<Value>>(
         &mut self,

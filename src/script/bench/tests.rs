@@ -1,7 +1,7 @@
 use super::*;
 use crate::devices::samples::tables::NODES;
 use crate::fault::{FaultNews, News};
-use crate::journal::Record;
+use crate::journal::{Journal, Record};
 use crate::memory::Cell16;
 use crate::request::Op;
 use crate::script::{Numbers, ScenarioError};
@@ -269,6 +269,26 @@ fn intermediate_values_of_a_recorded_register_are_known() -> Result<(), Scenario
     assert!(failure.contains("16#0002, 16#0003"), "{failure}");
     let unknown = bench.record("node2.w_OPTION_STATE").unwrap_err().to_string();
     assert!(unknown.contains("w_OPTION_STATE"), "{unknown}");
+    Ok(())
+}
+
+#[test]
+fn a_history_without_its_first_changes_is_an_error() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.record("node2")?;
+    bench.poke("node2.b_AC", 7)?;
+    // These and the first change are as many as the journal keeps.
+    for value in 1..Journal::MOST_CHANGES as i64 {
+        bench.poke("node2.a_WR_VALUE[0]", value)?;
+    }
+    bench.expect_history("node2.b_AC", [7])?;
+    bench.poke("node2.a_WR_VALUE[0]", 0)?;
+    for error in
+        [bench.history("node2.b_AC").unwrap_err(), bench.expect_history("node2.b_AC", [0; 0]).unwrap_err()]
+    {
+        let lost = "`node2.b_AC`: the journal no longer has all changes since `record`";
+        assert!(error.to_string().starts_with(lost), "{error}");
+    }
     Ok(())
 }
 

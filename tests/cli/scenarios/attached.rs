@@ -64,6 +64,27 @@ fn every_scenario_of_the_tutorial_passes_alike_on_a_running_instance() {
     std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
 }
 
+/// Another program records the register, and has changed it before.
+#[test]
+fn a_history_begins_when_the_script_records_the_register() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--record", "node2"]);
+    emulator.poke(&["node2.b_AC=3"]);
+    let place = TempDir::new().unwrap();
+    let script = place.path().join("history.rhai");
+    std::fs::write(
+        &script,
+        "record(\"node2.b_AC\"); poke(\"node2.b_AC\", 1); step(\"1ms\"); poke(\"node2.b_AC\", 0);
+         expect_history(\"node2.b_AC\", [1, 0]); print(history(\"node2.b_AC\").len());",
+    )
+    .unwrap();
+    let script = script.to_str().unwrap();
+    for _ in 0..2 {
+        let there = run(&["test", script, "--attach", &emulator.name]);
+        assert_eq!(there.code, Some(0), "{there:?}");
+    }
+    assert_eq!(run(&["test", script]).code, Some(0));
+}
+
 /// A script that prints the emulated times at which verbs see changes, to the microsecond. It also shows which verbs
 /// take no time.
 const MOMENTS: &str = r#"
