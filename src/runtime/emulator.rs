@@ -152,6 +152,17 @@ impl Emulator {
         needs::allow_memory_of(config.devices.len())?;
         needs::check_umask()?;
         let lock = take_instance(config, &options.instance)?;
+        let instance = options.instance.clone();
+        Self::start_with(config, options, snapshot, lock).inspect_err(|_| remove_killed(&instance))
+    }
+
+    /// Starts an emulator like [`Emulator::start_from`], which holds the lock of its instance.
+    fn start_with(
+        config: &PlantConfig,
+        options: Options,
+        snapshot: Option<&Snapshot>,
+        lock: InstanceLock,
+    ) -> Result<Self, RuntimeError> {
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;
         let mut images = Vec::with_capacity(config.devices.len());
@@ -461,4 +472,15 @@ fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, M
         }
         Ok(_) => Ok(lock),
     }
+}
+
+/// Removes the files of a killed emulator after a start was refused: the start has taken over and removed images, so
+/// `commram list` no longer shows the killed emulator. Errors are ignored, because the start has its own error.
+fn remove_killed(instance: &str) {
+    let Ok(lock) = InstanceLock::take_to_clean(instance) else { return };
+    #[cfg(feature = "channel")]
+    if let Ok(root) = crate::memory::names::channel_root(instance) {
+        let _ = crate::channel::remove_remains(instance, &root);
+    }
+    let _ = lock.remove_dead(|_| false);
 }

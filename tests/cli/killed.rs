@@ -257,6 +257,18 @@ fn a_kill_during_the_end_is_an_error() {
     }
 }
 
+#[test]
+fn a_refused_start_removes_the_files_of_a_killed_emulator() {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("novram");
+    std::fs::write(&file, "").unwrap();
+    let mut emulator = Emulator::stepped();
+    emulator.kill();
+    let outcome = emulator.run("run", &["--clock", "stepped", "--novram", file.to_str().unwrap()]);
+    assert!(outcome.fails(1).contains("novram"), "{}", outcome.err);
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
 /// Tests with each single file of a killed emulator, and with empty files, which do not identify a process.
 #[test]
 fn clean_removes_all_remaining_files_of_an_instance() {
