@@ -204,7 +204,7 @@ fn a_dash_prints_the_plant_alone() {
 fn a_device_with_control_characters_in_its_path_is_not_made() {
     let directory = TempDir::new().unwrap();
     let mut command = commram();
-    command.args(["new", "--template", "device", "nl\nx"]).current_dir(directory.path());
+    command.args(["new", "--template", "device", "bell\u{7}x"]).current_dir(directory.path());
     let refused = finish(&mut command);
     assert!(refused.fails(2).contains("text in UTF-8 without control characters"), "{}", refused.err);
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);

@@ -41,13 +41,14 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
     /// Write a report into this file: html, a self-contained page for people (commram-report.html)
     #[arg(long, value_name = "KIND[=FILE]", value_parser = page_file)]
-    report: Option<PathBuf>,
+    report: Option<ReportFile>,
 }
 
 /// Parses the file name of the page.
-fn page_file(text: &str) -> Result<PathBuf, String> {
+fn page_file(text: &str) -> Result<ReportFile, String> {
     match ReportFile::parse(text) {
-        Ok(ReportFile { kind: ReportKind::Html, path }) => Ok(path),
+        Ok(page) if page.kind == ReportKind::Html => Ok(page),
+        Err(reason) if text.starts_with("html=") => Err(reason),
         _ => Err("write html, or html=FILE".to_owned()),
     }
 }
@@ -81,8 +82,9 @@ struct Part<T> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    for output in [&args.output, &args.report] {
-        refuse_inputs(output.as_deref(), args.reports.iter().map(PathBuf::as_path))?;
+    let page = args.report.as_ref().map(|report| report.path.as_path());
+    for output in [args.output.as_deref(), page] {
+        refuse_inputs(output, args.reports.iter().map(PathBuf::as_path))?;
     }
     let mut texts = Vec::with_capacity(args.reports.len());
     for path in &args.reports {
@@ -97,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return Err(wrong(path, "it is not a JUnit report, but others are; use reports of one kind"));
     }
     let (text, endings) = if xml > 0 {
-        if let (Some(page), Some((path, _))) = (&args.report, texts.first()) {
+        if let (Some(page), Some((path, _))) = (page, texts.first()) {
             let right = format!("a JUnit report has no data for {}; {PAGE_DATA}", page.display());
             return Err(wrong(path, right));
         }
@@ -115,7 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let merged = in_order(parts)?;
         let endings = merged.iter().map(|it| (it.ending, it.is_run)).collect();
         let lines: Vec<_> = merged.into_iter().map(|it| it.content).collect();
-        if let Some(path) = &args.report {
+        if let Some(path) = page {
             write_page(path, &lines)?;
         }
         (output::json(&lines)?, endings)
