@@ -114,7 +114,7 @@ impl Bench {
         }
     }
 
-    /// Returns the number of occurrences of an event of a PLC since power-on. An event is counted only while it is
+    /// Returns the number of occurrences of an event of a PLC since the start of the instance. An event is counted only while it is
     /// enabled. The overview page of the device has the numbers of the events. `""` means the only PLC.
     ///
     /// # Errors
@@ -129,7 +129,7 @@ impl Bench {
         Ok(slot.bell.rings())
     }
 
-    /// Returns the number of pulses of a trigger of a PLC since power-on. Triggers are 1, 2, and 3, the trigger
+    /// Returns the number of pulses of a trigger of a PLC since the start of the instance. Triggers are 1, 2, and 3, the trigger
     /// controller; `OPT_INIT` routes them. `""` is the only PLC.
     ///
     /// # Errors
