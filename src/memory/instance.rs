@@ -166,6 +166,12 @@ impl InstanceLock {
         }
     }
 
+    /// True if an image of the instance exists, or if this is unknown.
+    #[cfg(feature = "channel")]
+    pub(crate) fn has_images(&self) -> bool {
+        list::named(&self.instance).map_or(true, |plcs| !plcs.is_empty())
+    }
+
     /// Removes the images of a killed emulator, except those of the PLCs for which `keep` is true. Returns whether
     /// there were any.
     ///

@@ -152,8 +152,14 @@ impl Emulator {
         needs::allow_memory_of(config.devices.len())?;
         needs::check_umask()?;
         let lock = take_instance(config, &options.instance)?;
+        #[cfg(feature = "channel")]
         let instance = options.instance.clone();
-        Self::start_with(config, options, snapshot, lock).inspect_err(|_| remove_killed(&instance))
+        let started = Self::start_with(config, options, snapshot, lock);
+        #[cfg(feature = "channel")]
+        if started.is_err() {
+            remove_killed(&instance);
+        }
+        started
     }
 
     /// Starts an emulator like [`Emulator::start_from`], which holds the lock of its instance.
@@ -474,13 +480,15 @@ fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, M
     }
 }
 
-/// Removes the files of a killed emulator after a start was refused: the start has taken over and removed images, so
+/// Removes the channel of a killed emulator after a start was refused that has taken over and removed all its images:
 /// `commram list` no longer shows the killed emulator. Errors are ignored, because the start has its own error.
+#[cfg(feature = "channel")]
 fn remove_killed(instance: &str) {
     let Ok(lock) = InstanceLock::take_to_clean(instance) else { return };
-    #[cfg(feature = "channel")]
+    if lock.has_images() {
+        return;
+    }
     if let Ok(root) = crate::memory::names::channel_root(instance) {
         let _ = crate::channel::remove_remains(instance, &root);
     }
-    let _ = lock.remove_dead(|_| false);
 }
