@@ -125,7 +125,7 @@ fn the_return_of_a_killed_client_ends() {
     let script = "fn power_on() { this.n = 0; }
         fn poll() {
             let a = [];
-            for i in range(0, 1000) { if a.len() > 500 { a = []; } a.push(i); a.sort(); }
+            for i in range(0, 500) { if a.len() > 300 { a = []; } a.push(i); a.sort(); }
             this.n += 1;
         }";
     std::fs::write(device.join("firmware.rhai"), script).unwrap();
