@@ -17,6 +17,8 @@ use rustix::fs::FallocateFlags;
 use std::io;
 use std::os::fd::{BorrowedFd, RawFd};
 
+/// Bytes of a block, the unit in which the kernel counts the memory of a file.
+const BLOCK: usize = 512;
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
 /// If a fault (SIGBUS) is in a file that has its full length, another thread may have just repaired it, so the access
@@ -37,7 +39,7 @@ struct Slot {
     /// Length of the map in bytes.
     size: AtomicUsize,
     file: AtomicI32,
-    /// Blocks of 512 bytes that the file had at first. If another process shortens the file and restores its length, the
+    /// [Blocks](BLOCK) that the file had at first, as far as its length needs them. If another process shortens the file and restores its length, the
     /// file has fewer blocks.
     blocks: AtomicUsize,
     mended: AtomicBool,
@@ -97,7 +99,8 @@ impl Guard {
             // SAFETY: the caller has opened the file.
             let stat = rustix::fs::fstat(unsafe { BorrowedFd::borrow_raw(file) });
             let blocks = stat.map_or(0, |stat| usize::try_from(stat.st_blocks).unwrap_or(0));
-            slot.blocks.store(blocks, Ordering::Release);
+            // The kernel can give back memory after the end of the file, if its last page is a huge one.
+            slot.blocks.store(blocks.min(size / BLOCK), Ordering::Release);
             slot.mended.store(false, Ordering::Release);
             slot.tries.store(0, Ordering::Release);
             slot.base.store(base.addr(), Ordering::Release);
