@@ -162,6 +162,7 @@ impl Journal {
     /// Records of each kind kept by default.
     pub const DEFAULT_CAPACITY: usize = 65_536;
     /// Maximum number of changes of followed registers that a journal of the default capacity keeps.
+    #[cfg(feature = "script")]
     pub(crate) const MOST_CHANGES: usize = Ring::History.share(Self::DEFAULT_CAPACITY);
 
     /// Returns a journal that keeps the last `capacity` records (at least one) of each kind: frames, register traffic,
