@@ -254,6 +254,7 @@ mod tests {
     use super::*;
     use crate::memory::testing::Instance;
 
+    #[cfg(feature = "emulator")]
     #[test]
     fn a_name_is_no_cleaner() {
         for name in ["cleaner", UNSAVED] {

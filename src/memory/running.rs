@@ -255,6 +255,7 @@ mod tests {
         assert!(running.has_ended() && running.has_left_files() && find(&instance).is_none());
     }
 
+    #[cfg(feature = "emulator")]
     #[test]
     fn the_lock_of_an_ended_emulator_tells_that_novram_is_lost() {
         let instance = Instance::new();
