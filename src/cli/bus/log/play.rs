@@ -175,17 +175,20 @@ struct SteppedClock {
     /// Emulated time of the first frame; `None` before the first request.
     begin_us: Option<u64>,
     now_us: u64,
-    /// Time until which other clients are assumed to advance the clock too.
+    /// Time until which other clients are assumed to advance the clock too; 0 if no other client has moved the clock.
     shared_until_us: u64,
-    /// True if another client has moved the clock.
-    was_shared: bool,
-    /// Longest delay of a frame while another client advanced the clock.
+    /// Longest delay of a frame after another client has moved the clock.
     latest_us: u64,
 }
 
 impl SteppedClock {
     fn is_shared(&self) -> bool {
         self.now_us < self.shared_until_us
+    }
+
+    /// True if another client has moved the clock.
+    fn was_shared(&self) -> bool {
+        self.shared_until_us > 0
     }
 
     /// Longest time for which one request advances the clock.
@@ -197,20 +200,21 @@ impl SteppedClock {
     fn is_at(&mut self, time_us: u64) {
         let now_us = time_us.saturating_sub(*self.begin_us.get_or_insert(time_us));
         if now_us != self.now_us {
-            (self.now_us, self.was_shared) = (now_us, true);
+            self.now_us = now_us;
             self.shared_until_us = now_us.saturating_add(COUNT_US);
         }
     }
 
-    /// Notes that a frame with the time `due_us` is sent now.
+    /// Notes that a frame with the time `due_us` is sent now. The advance before the frame may have reached the end of the
+    /// time in which the clock is assumed to be shared.
     fn sends(&mut self, due_us: u64) {
-        if self.is_shared() {
+        if self.was_shared() {
             self.latest_us = self.latest_us.max(self.now_us.saturating_sub(due_us));
         }
     }
 
     fn text(&self) -> String {
-        if !self.was_shared {
+        if !self.was_shared() {
             return String::new();
         }
         format!(" of the log; another client moved the clock, up to {} late", time::short(self.latest_us))
@@ -270,16 +274,20 @@ impl<'a> Player<'a> {
             }
             if self.send_part(&mut clock)? {
                 let us = self.room_us();
-                self.note_wait(Duration::from_micros(us))?;
-                self.request_at(&mut clock, vec![Op::Advance { us }])?;
+                self.wait_for(&mut clock, us)?;
             }
             self.count_at(clock.now_us)?;
         }
         while !self.all_have_left()? {
-            self.note_wait(Duration::from_micros(ROOM_US))?;
-            self.request_at(&mut clock, vec![Op::Advance { us: ROOM_US }])?;
+            self.wait_for(&mut clock, ROOM_US)?;
         }
         Ok(clock)
+    }
+
+    /// Advances the clock, so that frames can leave the queues of the bus.
+    fn wait_for(&mut self, clock: &mut SteppedClock, us: u64) -> Result<(), CliError> {
+        self.note_wait(Duration::from_micros(us))?;
+        self.request_at(clock, vec![Op::Advance { us }]).map(drop)
     }
 
     /// Returns the emulated time, in microseconds, after which the next message tries again to get room in the queue of
