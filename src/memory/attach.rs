@@ -169,14 +169,6 @@ impl Attached {
         })
     }
 
-    /// True if the emulator to which this client attached has ended, and could not save the changes that programs made
-    /// in NOVRAM.
-    #[must_use]
-    pub fn is_unsaved(&self) -> bool {
-        let header = self.header_snapshot();
-        header.generation.load() == self.generation && header.state.load() == State::Unsaved.code()
-    }
-
     /// Checks that the emulator to which this client attached still serves the image.
     ///
     /// # Errors

@@ -114,7 +114,7 @@ mod tests {
     /// with the largest values, and add the function if a step takes more than some microseconds.
     const VERSION: &str = "name = \"rhai\"\nversion = \"1.27.0\"";
 
-    /// Operations whose work grows with the size of their values. Not listed are operations whose result would exceed a
+    /// Operations whose work grows with the size of their values. The list has no operation whose result would exceed a
     /// limit, for example the text of a large array, because this error stops the script.
     const COSTLY: &str = "
         let x = a; | a == b; | a != b; | a + []; | [] + a; | a += []; | [a]; | #{ k: a }; | for x in a { break; }
