@@ -50,8 +50,8 @@ impl ForeignEntry {
 /// permissions.
 ///
 /// # Errors
-/// [`ForeignEntry`], or the file cannot be written. After an error, its contents are unchanged, unless the file had to be overwritten
-/// because no new file can be created beside it.
+/// [`ForeignEntry`], or the file cannot be written. After an error, its contents are unchanged, unless the file had to
+/// be overwritten because no new file can be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Prepared::new(path, bytes)?.finish()
 }

@@ -1,7 +1,4 @@
-//! Open file descriptors of this process, and the programs that it starts.
-//!
-//! The program opens its own files so that other programs do not inherit them. Libraries do not always do so, and the files of
-//! the channel must not reach another program: it may run as another user.
+//! File descriptors that this process has inherited, and the programs that it starts.
 
 use std::os::fd::RawFd;
 

@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::instance::instance_name;
 use super::start::{InitialState, OnSignal, Settings, TerminationSignals, in_thread};
-use super::{descriptors, output};
+use super::output;
 use crate::memory::limits;
 use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};
@@ -56,7 +56,6 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let inherited = descriptors::inheritable();
     let name = args.instance.clone().unwrap_or_else(unique_name);
     let [program, arguments @ ..] = args.command.as_slice() else { return Ok(()) };
     let mut command = Command::new(program);
@@ -79,9 +78,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         stop.stop_because("the command of `commram with` has ended");
         ended
     })?;
-    // The command gets the files that this process has inherited, but not those of the channel: it may run as another user.
-    let own: Vec<_> = descriptors::inheritable().into_iter().filter(|it| !inherited.contains(it)).collect();
-    descriptors::keep_from_programs(&own);
     let child = command.spawn();
     let passed = child.as_ref().map(|child| pass_on(child, emulator.stop_handle()));
     if let Ok(Ok(pass_on)) = passed {

@@ -122,15 +122,9 @@ impl ImageFile {
         }
     }
 
-    /// True if a process has locked the file. The check takes a shared lock for a moment. An emulator that starts
-    /// meanwhile waits for the lock.
+    /// [`is_locked`]
     pub(crate) fn is_locked(&self) -> bool {
-        match self.file.try_lock_shared() {
-            // If the unlock fails, closing the file releases the lock.
-            Ok(()) => self.file.unlock().is_err(),
-            Err(TryLockError::WouldBlock) => true,
-            Err(TryLockError::Error(_)) => false,
-        }
+        is_locked(&self.file)
     }
 
     pub(crate) fn failed(&self, doing: &'static str, reason: io::Error) -> MemoryError {
@@ -164,6 +158,17 @@ impl LockableFile for ImageFile {
 
     fn remove_name(&self) -> Result<(), MemoryError> {
         rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))
+    }
+}
+
+/// True if a process has locked the file. The check takes a shared lock for a moment. An emulator that starts meanwhile
+/// waits for the lock.
+pub(super) fn is_locked(file: &File) -> bool {
+    match file.try_lock_shared() {
+        // If the unlock fails, closing the file releases the lock.
+        Ok(()) => file.unlock().is_err(),
+        Err(TryLockError::WouldBlock) => true,
+        Err(TryLockError::Error(_)) => false,
     }
 }
 

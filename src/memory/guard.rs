@@ -39,8 +39,8 @@ struct Slot {
     /// Length of the map in bytes.
     size: AtomicUsize,
     file: AtomicI32,
-    /// [Blocks](BLOCK) that the file had at first, as far as its length needs them. If another process shortens the file and restores its length, the
-    /// file has fewer blocks.
+    /// [Blocks](BLOCK) that the file had at first, as far as its length needs them. If another process shortens the file
+    /// and restores its length, the file has fewer blocks.
     blocks: AtomicUsize,
     mended: AtomicBool,
     tries: AtomicUsize,
@@ -154,8 +154,8 @@ pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
     handle(client_ends)
 }
 
-/// From now on missing pages of images and channels read as zeros in this process, and a flag of the reading thread shows
-/// that the channel is damaged ([`take_gap_of_thread`]). Meant for a client program of several instances.
+/// From now on missing pages of images and channels read as zeros in this process, and a flag of the reading thread
+/// shows that the channel is damaged ([`take_gap_of_thread`]). Meant for a client program of several instances.
 ///
 /// # Errors
 /// The operating system refuses the operation.

@@ -10,7 +10,7 @@ use super::private::PrivateDir;
 use super::{EmulatorProcess, Header, MemoryError, State, file, limits, list, names};
 use rustix::fs::{fstat, lstat};
 use rustix::io::Errno;
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -166,7 +166,7 @@ impl RunningInstance {
     /// Called after the end of the emulator. True if its files still have their names, because it was killed before it
     /// removed them. Files that another emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
-        self.files.iter().any(|file| file.is_named() && !file.is_locked())
+        self.files.iter().any(|locked| locked.is_named() && !locked.is_locked())
     }
 }
 
@@ -186,14 +186,9 @@ impl LockedFile {
         State::from_code(u32::from_le_bytes(state))
     }
 
-    /// True if a process holds the exclusive lock. Takes a shared lock for a moment.
+    /// [`file::is_locked`]
     fn is_locked(&self) -> bool {
-        match self.file.try_lock_shared() {
-            // If the unlock fails, closing the file releases the lock.
-            Ok(()) => self.file.unlock().is_err(),
-            Err(TryLockError::WouldBlock) => true,
-            Err(TryLockError::Error(_)) => false,
-        }
+        file::is_locked(&self.file)
     }
 
     fn is_named(&self) -> bool {

@@ -182,6 +182,7 @@ impl Plant {
     /// # Errors
     /// [`SnapshotError`]; the plant is then unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        self.fits(snapshot)?;
         self.take_over(snapshot, false)
     }
 
@@ -190,7 +191,7 @@ impl Plant {
     /// device. A device that has refused such a file does not continue from a snapshot.
     pub(crate) fn restore_file(&mut self, file: &SnapshotFile) -> Result<(), SnapshotError> {
         let fits = self.fits(&file.snapshot).and_then(|()| self.has_present_files());
-        let restored = fits.and_then(|()| self.restore(&file.snapshot));
+        let restored = fits.and_then(|()| self.take_over(&file.snapshot, false));
         if file.plant == *self.text {
             restored.map_err(|error| self.name_changed_folder(error))
         } else {
@@ -229,6 +230,7 @@ impl Plant {
     /// # Errors
     /// Returns the errors of [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        self.fits(snapshot)?;
         self.take_over(snapshot, true)
     }
 
@@ -244,8 +246,11 @@ impl Plant {
         self.arrive();
     }
 
+    /// Reads a snapshot that [fits](Self::fits) this plant.
+    ///
+    /// # Errors
+    /// The state makes no sense; the plant is then unchanged.
     fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
-        self.fits(snapshot)?;
         let mut before = Saving::default();
         self.save(&mut before);
         let mut from = Saved::new(&snapshot.state);
