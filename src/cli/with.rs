@@ -2,8 +2,8 @@
 
 use super::error::CliError;
 use super::instance::instance_name;
-use super::start::{InitialState, OnSignal, Settings, TerminationSignals, in_thread};
 use super::output;
+use super::start::{InitialState, OnSignal, Settings, TerminationSignals, in_thread};
 use crate::memory::limits;
 use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};

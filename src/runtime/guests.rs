@@ -23,6 +23,10 @@ struct GuestEntry {
     /// Number of frames that waited at the last check of the guest. Frames that arrive later are sent after the next
     /// check.
     waiting: usize,
+    /// Number of frames that enter the bus as soon as the guest's controller has room for them.
+    due: usize,
+    /// The requests that the emulator carries out at present. Later requests of the guest take effect at the next step.
+    carried_out: GuestRequests,
     /// True if the guest has the bit rate of the bus, or has not set a bit rate.
     fits: bool,
     /// True if the guest takes part in the bus.
@@ -134,6 +138,17 @@ impl Guests {
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
+    /// True if frames that have waited since the beginning of a step have had no room yet.
+    #[inline]
+    pub(super) fn have_due_frames(&self) -> bool {
+        self.present.iter().any(|it| it.due > 0)
+    }
+
+    /// Passes frames for which there was no room to the plant, as far as there is room now.
+    pub(super) fn send_due_frames(&mut self, plant: &mut Plant) {
+        self.present.iter_mut().filter(|it| it.due > 0).for_each(|it| it.send_and_leave(plant));
+    }
+
     /// Description of a guest that takes part; `None` if there is none.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Disconnected guests stay in the list until the clock advances.
@@ -242,15 +257,8 @@ fn bring_in_all(
         }
     }
     for it in present.iter_mut().filter(|it| are_meant(it)) {
-        let is_through = it.send(plant);
-        if it.requests.has_gone && !is_through {
-            // Disconnecting here frees the place of the guest for other guests.
-            plant.guest_has_gone(it.guest.bus, it.guest.number);
-        }
-        if it.is_in && is_through && (!it.requests.takes_part || !it.fits) {
-            plant.guest_leaves(it.guest.bus, it.guest.number);
-            it.is_in = false;
-        }
+        (it.due, it.carried_out) = (it.waiting, it.requests);
+        it.send_and_leave(plant);
         it.guest.take_request(plant.now());
         if is_stepped {
             it.update_seat(plant);
@@ -265,6 +273,8 @@ impl GuestEntry {
             guest,
             requests,
             waiting: 0,
+            due: 0,
+            carried_out: requests,
             fits: true,
             is_in: false,
             is_receiver: false,
@@ -320,11 +330,27 @@ impl GuestEntry {
         self.requests.hears && self.fits
     }
 
-    /// Sends the waiting frames. Returns false if the guest's controller has no room for all of them.
+    /// Sends the frames that are due. Removes the guest from the bus after its last frame, if it no longer takes part.
+    fn send_and_leave(&mut self, plant: &mut Plant) {
+        let is_through = self.send(plant);
+        if self.carried_out.has_gone && !is_through {
+            // Disconnecting here frees the place of the guest for other guests.
+            plant.guest_has_gone(self.guest.bus, self.guest.number);
+        }
+        if self.is_in && is_through && (!self.carried_out.takes_part || !self.fits) {
+            plant.guest_leaves(self.guest.bus, self.guest.number);
+            self.is_in = false;
+        }
+    }
+
+    /// Sends the frames that are due. Returns false if the guest's controller has no room for all of them.
     fn send(&mut self, plant: &mut Plant) -> bool {
-        while self.waiting > 0
-            && let Some(message) = self.guest.next_to_send()
-        {
+        while self.due > 0 {
+            let Some(message) = self.guest.next_to_send() else {
+                // The messages of the disconnected guest were discarded.
+                (self.due, self.waiting) = (0, 0);
+                return true;
+            };
             let refusal = if self.is_in {
                 plant.guest_sends(self.guest.bus, self.guest.number, &message)
             } else {
@@ -335,6 +361,7 @@ impl GuestEntry {
             }
             self.guest.sent(refusal.is_ok());
             self.waiting -= 1;
+            self.due -= 1;
         }
         true
     }

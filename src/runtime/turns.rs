@@ -33,9 +33,12 @@ impl Emulator {
             if !self.lockstep.is_in_turn() && !self.give_turns() {
                 return false;
             }
-            let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
+            // Guests with seats, and frames without room, wait for the next event.
+            let are_waiting = self.guests.have_seats() || self.guests.have_due_frames();
+            let until = if are_waiting { self.next_event().min(target) } else { target };
             let Emulator { plant, lockstep, stop, slice, .. } = &mut *self;
             lockstep.advance(plant, until, || stop.is_made(), &|| slice.is_over());
+            self.guests.send_due_frames(&mut self.plant);
             self.guests.send_heard(&mut self.plant);
             if self.lockstep.is_in_turn() || self.stop.is_made() {
                 return false;

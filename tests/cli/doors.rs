@@ -225,6 +225,29 @@ fn with_the_stepped_clock_frames_enter_at_the_next_step() {
     assert_eq!(log.ok(), "(0000000000.001360) open 123#\n");
 }
 
+/// The controller of a guest has fewer places than its door. The frames that have waited since the beginning of a step
+/// follow when places become free, and not at the next step.
+#[test]
+fn many_frames_of_a_guest_enter_alike_for_any_division_into_steps() {
+    let trace = |steps: &[&str]| {
+        let emulator = start(OPEN, &["--clock", "stepped"]);
+        let port = port(&emulator);
+        let (mut one, _other) = (Guest::open(port), Guest::open(port));
+        emulator.step(&["1ms"]);
+        for number in 0..200 {
+            assert_eq!(one.ask("t1230"), "z\r", "{number}");
+        }
+        assert_eq!(one.ask("C"), "\r");
+        steps.iter().for_each(|step| drop(emulator.step(&[step])));
+        emulator.run("trace", &["--format", "jsonl", "--bus", "open"]).ok().to_owned()
+    };
+    let at_once = trace(&["1s"]);
+    assert_eq!(at_once.matches("can_frame").count(), 200);
+    // 200 frames of 45 bits with 3 bits between them at 125 kbit/s.
+    assert!(at_once.contains("\"time_us\":77776"), "{at_once}");
+    assert_eq!(trace(&[&["7ms"; 20][..], &["860ms"]].concat()), at_once);
+}
+
 #[test]
 fn guests_receive_frames_of_a_cansync_bus_and_their_frames_are_reported() {
     let emulator = start(DRIVES, &["--clock", "stepped"]);
