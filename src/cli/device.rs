@@ -12,6 +12,7 @@ use crate::plant::PlantConfig;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
+use std::cell::OnceCell;
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -217,59 +218,81 @@ pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
-/// Does the same as [`of_any_device`]. If no device has the register or address, returns the result of
-/// [`answer_of_instance`].
-pub(crate) fn of_any_device_or_instance(
-    instance: &Instance,
-) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
-    |text| {
-        of_any_device(text).or_else(|refusal| {
-            let place = |fitted: &DeviceFit| NamedLocation::parse(fitted, text);
-            answer_of_instance(instance, refusal, |session| session.place(text), place)
-        })
-    }
+/// Checks names and addresses before a command connects to its instance. If no device of the program has one, asks the
+/// instance, if it runs: only the instance has the types and options of its PLCs. Connects once for all names.
+pub(crate) struct NameChecks<'a> {
+    instance: &'a Instance,
+    session: OnceCell<Session>,
 }
 
-/// If `refusal` concerns a name or an address and the instance runs, returns the result of `ask`: only the instance has
-/// the types and options of its PLCs. `look_up` makes the same search on one device. The function calls `look_up` if
-/// the instance has several PLCs and the user has not named a PLC.
-///
-/// # Errors
-/// The error of `ask`. If the instance cannot be read: `refusal`; or the reason, if a device in a folder may have the
-/// name.
-pub(crate) fn answer_of_instance<T>(
-    instance: &Instance,
-    refusal: CliError,
-    ask: impl Fn(&Session) -> Result<T, CliError>,
-    look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
-) -> Result<T, CliError> {
-    if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
-        return Err(refusal);
+impl<'a> NameChecks<'a> {
+    pub(crate) fn new(instance: &'a Instance) -> Self {
+        Self { instance, session: OnceCell::new() }
     }
-    let is_open = may_be_of_folder(&refusal);
-    // A mistake in a name of a known device is reported at once, even if the instance is just starting.
-    let waiting = if is_open { instance.clone() } else { Instance::running(instance.name()) };
-    let session = match Session::open_for_reading(&waiting) {
-        Ok(session) => session,
-        Err(unreadable) if is_open => return Err(unreadable),
-        // The name may be right, but this user cannot read the folder or the instance.
-        Err(
-            lost @ CliError::Memory(
-                MemoryError::LostFolder { .. }
-                | MemoryError::ForeignOwner { .. }
-                | MemoryError::ForeignDirectory { .. },
-            ),
-        ) => return Err(lost),
-        Err(_) => return Err(refusal),
-    };
-    ask(&session).map_err(|failure| match failure {
-        // If all PLCs report the same mistake, it is shown instead of the message that the PLC is missing.
-        CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
-            Some(common) => common.into(),
-            None => failure,
-        },
-        _ => failure,
-    })
+
+    /// Parses a register or address.
+    ///
+    /// # Errors
+    /// Returns the errors of [`of_any_device`] and [`NameChecks::answer`].
+    pub(crate) fn place(&self, text: &str) -> Result<NamedLocation, CliError> {
+        of_any_device(text).or_else(|refusal| {
+            let place = |fitted: &DeviceFit| NamedLocation::parse(fitted, text);
+            self.answer(refusal, |session| session.place(text), place)
+        })
+    }
+
+    /// If `refusal` concerns a name or an address and the instance runs, returns the result of `ask`. `look_up` makes the
+    /// same search on one device. The function calls `look_up` if the instance has several PLCs and the user has not
+    /// named a PLC.
+    ///
+    /// # Errors
+    /// The error of `ask`. If the instance cannot be read: `refusal`; or the reason, if a device in a folder may have the
+    /// name.
+    pub(crate) fn answer<T>(
+        &self,
+        refusal: CliError,
+        ask: impl Fn(&Session) -> Result<T, CliError>,
+        look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
+    ) -> Result<T, CliError> {
+        if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
+            return Err(refusal);
+        }
+        let session = match self.session.get() {
+            Some(session) => session,
+            None => {
+                let opened = self.open(refusal)?;
+                self.session.get_or_init(|| opened)
+            }
+        };
+        ask(session).map_err(|failure| match failure {
+            // If all PLCs report the same mistake, it is shown instead of the message that the PLC is missing.
+            CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
+                Some(common) => common.into(),
+                None => failure,
+            },
+            _ => failure,
+        })
+    }
+
+    /// Opens the instance for a name that no device of the program has, for the reason `refusal`.
+    fn open(&self, refusal: CliError) -> Result<Session, CliError> {
+        let is_open = may_be_of_folder(&refusal);
+        // A mistake in a name of a known device is reported at once, even if the instance is just starting.
+        let waiting = if is_open { self.instance.clone() } else { Instance::running(self.instance.name()) };
+        match Session::open_for_reading(&waiting) {
+            Ok(session) => Ok(session),
+            Err(unreadable) if is_open => Err(unreadable),
+            // The name may be right, but this user cannot read the folder or the instance.
+            Err(
+                lost @ CliError::Memory(
+                    MemoryError::LostFolder { .. }
+                    | MemoryError::ForeignOwner { .. }
+                    | MemoryError::ForeignDirectory { .. },
+                ),
+            ) => Err(lost),
+            Err(_) => Err(refusal),
+        }
+    }
 }
 
 /// Returns the error that `devices` have in common for the name or address that `look_up` searches: `None` if a device

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::change::{self, Change, RegisterValue, RegisterValues};
-use super::device::{answer_of_instance, on_any_device};
+use super::device::{NameChecks, on_any_device};
 use super::dump::{self, Blocks, see};
 use super::error::CliError;
 use super::output;
@@ -154,7 +154,7 @@ fn now(instance: &Instance, before: &[RegisterValue], known: &RegisterValues) ->
     if let Some(refusal) = before.iter().find_map(refused) {
         // The register may belong to a device in a folder. Only a running instance knows the registers of such a
         // device.
-        answer_of_instance(instance, refusal, |_| Ok(()), |_| Ok(()))?;
+        NameChecks::new(instance).answer(refusal, |_| Ok(()), |_| Ok(()))?;
     }
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::{answer_of_instance, on_any_device};
+use super::device::{NameChecks, on_any_device};
 use super::error::CliError;
 use super::given;
 use super::peek::{RegisterReading, number};
@@ -81,7 +81,9 @@ pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliErro
 }
 
 fn print(instance: &Instance, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
-    blocks.iter().try_for_each(|name| check(instance, name))?;
+    let checks = NameChecks::new(instance);
+    blocks.iter().try_for_each(|name| check(&checks, name))?;
+    drop(checks);
     let session = Session::open_for_reading(instance)?;
     let blocks = Blocks::find(&session, blocks)?;
     let snapshot = session.read(&blocks.reads())?;
@@ -120,11 +122,11 @@ pub(crate) struct DumpRow {
 ///
 /// # Errors
 /// No device has such a block or register.
-pub(crate) fn check(instance: &Instance, name: &str) -> Result<(), CliError> {
+pub(crate) fn check(checks: &NameChecks, name: &str) -> Result<(), CliError> {
     let look_up = |fitted: &DeviceFit| select(fitted, split_plc(name).1).map(drop);
     on_any_device(look_up).or_else(|refusal| {
         let find = |session: &Session| Blocks::find(session, &[name.to_owned()]).map(drop);
-        answer_of_instance(instance, refusal, find, look_up)
+        checks.answer(refusal, find, look_up)
     })
 }
 
@@ -184,7 +186,7 @@ impl Blocks {
         stretches: &[(DeviceIndex, u32, u32)],
     ) -> Result<(), CliError> {
         use crate::journal::Keep;
-        use crate::request::{MAX_OPS, Op};
+        use crate::request::Op;
 
         let follow = |&(plc, offset, len): &(DeviceIndex, u32, u32)| Op::Follow {
             plc,
@@ -193,10 +195,7 @@ impl Blocks {
             keep: Keep::ForOnlookers,
         };
         let ops: Vec<_> = stretches.iter().map(follow).collect();
-        for some in ops.chunks(MAX_OPS) {
-            session.request(some)?.into_iter().try_for_each(|reply| reply.written())?;
-        }
-        Ok(())
+        session.request_in_parts(&ops)?.into_iter().try_for_each(|reply| Ok(reply.written()?))
     }
 
     /// Returns the selected bytes. Each range consists of the index of the PLC, the first byte in the image, and the

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_or_instance;
+use super::device::NameChecks;
 use super::error::CliError;
 use super::place::{NamedLocation, status_of};
 use super::table::FormatArg;
@@ -60,8 +60,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.writes.is_empty() {
         return list(args);
     }
-    let check = of_any_device_or_instance(&args.instance);
-    args.writes.iter().try_for_each(|text| poke::parse(text, &check).map(drop))?;
+    poke::check(&args.instance, &args.writes)?;
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
@@ -126,8 +125,9 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
 
-    let check = of_any_device_or_instance(&args.instance);
-    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
+    let checks = NameChecks::new(&args.instance);
+    args.registers.iter().try_for_each(|text| checks.place(text).map(drop))?;
+    drop(checks);
     let session = Session::open(&args.instance, 0)?;
     let ops = if args.all {
         let forces = session.read(&[])?.forces;

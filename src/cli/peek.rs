@@ -1,7 +1,7 @@
 //! `commram peek`: values of registers.
 
 use super::complete;
-use super::device::of_any_device_or_instance;
+use super::device::NameChecks;
 use super::dump::{self, Blocks};
 use super::error::CliError;
 use super::place::NamedLocation;
@@ -90,14 +90,15 @@ impl Row for RegisterReading {
 
 /// Reads the registers and prints them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_or_instance(&args.instance);
+    let checks = NameChecks::new(&args.instance);
     for text in &args.registers {
         if is_pattern(text) {
-            dump::check(&args.instance, text)?;
+            dump::check(&checks, text)?;
         } else {
-            check(text)?;
+            checks.place(text)?;
         }
     }
+    drop(checks);
     let session = Session::open_for_reading(&args.instance)?;
     let wanted = args.registers.iter().map(|text| ReadTarget::find(&session, text));
     let holdings = read(&session, &wanted.collect::<Result<Vec<_>, _>>()?)?;

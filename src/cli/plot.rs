@@ -3,6 +3,7 @@
 mod file;
 
 use super::complete;
+use super::device::NameChecks;
 use super::device::of_any_device;
 use super::error::CliError;
 use super::overwrite::refuse_inputs;
@@ -112,9 +113,9 @@ fn end_of(from_us: u64, to_us: Option<u64>, last_us: u64, source: &str) -> Resul
 }
 
 fn of_instance(args: &Args) -> Result<Plot, CliError> {
-    for text in &args.registers {
-        super::device::of_any_device_or_instance(&args.instance)(text)?;
-    }
+    let checks = NameChecks::new(&args.instance);
+    args.registers.iter().try_for_each(|text| checks.place(text).map(drop))?;
+    drop(checks);
     of_session(&Session::open(&args.instance, 0)?, &args.registers, args.from, args.to)
 }
 

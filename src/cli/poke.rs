@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_or_instance;
+use super::device::NameChecks;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
@@ -35,6 +35,15 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
+/// Checks registers and their new values before the command connects to the instance.
+///
+/// # Errors
+/// The notation, a register or a value is wrong.
+pub(crate) fn check(instance: &Instance, writes: &[String]) -> Result<(), CliError> {
+    let checks = NameChecks::new(instance);
+    writes.iter().try_for_each(|text| parse(text, |name| checks.place(name)).map(drop))
+}
+
 /// Parses a register, which `place` looks up, and its new value.
 ///
 /// # Errors
@@ -61,8 +70,7 @@ pub(crate) fn parse(
 
 /// Writes the registers that the arguments name.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_or_instance(&args.instance);
-    args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
+    check(&args.instance, &args.writes)?;
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;

@@ -110,14 +110,11 @@ pub(crate) fn take(session: &super::session::Session) -> Result<Vec<u8>, CliErro
 pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
-    use crate::request::{MAX_OPS, Op};
+    use crate::request::Op;
 
     let session = Session::open(&args.instance, 0)?;
     let bytes = load(&args.file)?.to_bytes();
-    let ops: Vec<_> = Op::bring(&bytes).collect();
-    for ops in ops.chunks(MAX_OPS) {
-        session.request(ops)?;
-    }
+    session.request_in_parts(&Op::bring(&bytes).collect::<Vec<_>>())?;
     let time_us = session.ask(Op::Restore { detached: args.detached })?.time()?;
     output::print(&format!("{}\n", time::seconds(time_us)))
 }

@@ -1,6 +1,6 @@
 //! `commram step`: advance the clock, or go back.
 
-use super::device::{answer_of_instance, on_any_device};
+use super::device::{NameChecks, on_any_device};
 use super::error::CliError;
 use super::{Instance, time};
 use crate::layout::{DeviceFit, split_plc};
@@ -69,7 +69,7 @@ fn check(instance: &Instance, text: &str) -> Result<(), CliError> {
     }
     let look_up = |fitted: &DeviceFit| fitted.device().port_named(name).map(drop);
     on_any_device(look_up).or_else(|refusal| {
-        answer_of_instance(instance, refusal, |session| session.port(text).map(drop), look_up)
+        NameChecks::new(instance).answer(refusal, |session| session.port(text).map(drop), look_up)
     })
 }
 

@@ -22,7 +22,7 @@ mod work;
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_or_instance;
+use super::device::NameChecks;
 use super::error::CliError;
 use super::session::Session;
 use crate::identity::DeviceIndex;
@@ -59,8 +59,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
         return Err(CliError::NoTerminal { command: "view" });
     }
-    let check = of_any_device_or_instance(&args.instance);
-    args.registers.iter().filter(|text| !is_pattern(text)).try_for_each(|text| check(text).map(drop))?;
+    let checks = NameChecks::new(&args.instance);
+    args.registers
+        .iter()
+        .filter(|text| !is_pattern(text))
+        .try_for_each(|text| checks.place(text).map(drop))?;
+    drop(checks);
     let session = Session::open(&args.instance, 0)?;
     let mut model = Model::new(args.instance.name(), args.read_only);
     for text in &args.registers {

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_or_instance;
+use super::device::NameChecks;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::{Read, Session, Snapshot};
@@ -62,8 +62,8 @@ fn parse(text: &str, place: impl Fn(&str) -> Result<NamedLocation, CliError>) ->
 
 /// Checks the arguments as far as possible without an instance.
 fn check(args: &Args) -> Result<(), CliError> {
-    let place = of_any_device_or_instance(&args.instance);
-    args.conditions.iter().try_for_each(|text| parse(text, &place).map(drop))
+    let checks = NameChecks::new(&args.instance);
+    args.conditions.iter().try_for_each(|text| parse(text, |name| checks.place(name)).map(drop))
 }
 
 /// Converts these conditions to operations for an instance.

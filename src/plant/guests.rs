@@ -91,10 +91,14 @@ impl Plant {
         message: &BusMessage,
     ) -> Result<(), GuestRefusal> {
         let now = self.now;
-        (self.has_looked, self.is_seen) = (false, false);
         let bus = self.buses[..self.named_buses].get_mut(bus.index());
         let guests = bus.and_then(|bus| bus.guests()).ok_or(GuestRefusal::NotHere)?;
-        guests.guest_sends(guest, message, now, &mut self.journal)
+        let sent = guests.guest_sends(guest, message, now, &mut self.journal);
+        if sent != Err(GuestRefusal::Full) {
+            // The message may change registers, so the next poll is not skipped.
+            (self.has_looked, self.is_seen) = (false, false);
+        }
+        sent
     }
 
     /// Lets guest 0, which acts for requests of clients, take part in bus number `bus` from now on. Sends a frame if

@@ -33,9 +33,14 @@ impl Emulator {
             if !self.lockstep.is_in_turn() && !self.give_turns() {
                 return false;
             }
-            // Guests with seats, and frames without room, wait for the next event.
-            let are_waiting = self.guests.have_seats() || self.guests.have_due_frames();
-            let until = if are_waiting { self.next_event().min(target) } else { target };
+            let until = if self.guests.have_seats() {
+                self.next_event().min(target)
+            } else if self.guests.have_due_frames() {
+                // There is room again after one of the next changes.
+                self.next_change().min(target)
+            } else {
+                target
+            };
             let Emulator { plant, lockstep, stop, slice, .. } = &mut *self;
             lockstep.advance(plant, until, || stop.is_made(), &|| slice.is_over());
             self.guests.send_due_frames(&mut self.plant);

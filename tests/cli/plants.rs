@@ -1,6 +1,6 @@
-//! Checks of plant files before they run.
+//! Checks of plant files before they run, and plants of many PLCs.
 
-use crate::common::{Outcome, commram, finish};
+use crate::common::{Emulator, Outcome, commram, finish};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -82,4 +82,21 @@ fn the_other_options_are_checked_without_a_start() {
     let mut names: Vec<_> = directory.path().read_dir().unwrap().map(|it| it.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["fine.toml", "novram", "plant.toml", "wrong.toml"]);
+}
+
+/// One request has a maximum number of operations, and a maximum size of the replies.
+#[test]
+fn commands_divide_their_requests_for_a_plant_of_many_plcs() {
+    let directory = TempDir::new().unwrap();
+    let plant = directory.path().join("plant.toml");
+    let plc = |number: usize| format!("[[plc]]\nname = \"P{number:030}\"\n");
+    std::fs::write(&plant, (0..257).map(plc).collect::<String>()).unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    let last = format!("P{:030}", 256);
+    for (command, args) in
+        [("board", &["get"][..]), ("dump", &["--all"]), ("status", &[]), ("drive", &["list"])]
+    {
+        let shown = emulator.run(command, args);
+        assert!(shown.ok().contains(&last), "{command}");
+    }
 }

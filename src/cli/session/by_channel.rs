@@ -10,7 +10,7 @@ use crate::memory::names::channel_root;
 use crate::memory::{InstanceLock, State};
 use crate::plural::plural;
 use crate::request::InstanceInfo;
-use crate::request::{MAX_OPS, MAX_RANGE, Op, Reply, WrongReply, read_journal};
+use crate::request::{Code, MAX_OPS, MAX_RANGE, Op, Reply, WrongReply, read_journal};
 use crate::time;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -139,14 +139,24 @@ impl Session {
         }
     }
 
-    /// Does the same as [`Session::request`]. Operations that do not fit into one request follow in further requests.
+    /// Does the same as [`Session::request`]. Operations that do not fit into one request, or whose replies do not, follow
+    /// in further requests.
     ///
     /// # Errors
     /// Returns the errors of [`Session::request`].
     pub(crate) fn request_in_parts(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
         let mut replies = Vec::with_capacity(ops.len());
-        for part in ops.chunks(MAX_OPS) {
-            replies.extend(self.request(part)?);
+        while replies.len() < ops.len() {
+            let rest = &ops[replies.len()..];
+            let part = self.replies(&rest[..rest.len().min(MAX_OPS)])?;
+            let executed = part.iter().position(|reply| matches!(reply, Reply::Error(_)));
+            if let Some((at, Reply::Error(refused))) = executed.map(|at| (at, &part[at])) {
+                // Only operations that read have long replies, so the refused one can be repeated.
+                if refused.code != Code::REPLY_TOO_LONG || at == 0 {
+                    return Err(ClientError::Refused(refused.clone()).into());
+                }
+            }
+            replies.extend(part.into_iter().take(executed.unwrap_or(MAX_OPS)));
         }
         Ok(replies)
     }
@@ -225,18 +235,16 @@ impl Session {
 
     pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
         let ops: Vec<_> = DeviceIndex::first(self.plcs.len()).map(|plc| Op::Board { plc }).collect();
-        self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
+        self.request_in_parts(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
     }
 
     /// Reads the registers in as many requests as necessary. Prints a note if the clock has advanced between the
     /// requests.
     pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
-        let (first, mut rest) = reads.split_at(fitting(reads));
-        let mut snapshot = self.read_in_one_request(first)?;
+        let (mut snapshot, mut rest) = self.read_first(reads)?;
         let mut until_us = snapshot.time_us;
         while !rest.is_empty() {
-            let (part, others) = rest.split_at(fitting(rest));
-            let next = self.read_in_one_request(part)?;
+            let (next, others) = self.read_first(rest)?;
             snapshot.data.extend(next.data);
             until_us = next.time_us;
             rest = others;
@@ -250,8 +258,21 @@ impl Session {
         Ok(snapshot)
     }
 
-    fn read_in_one_request(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
-        Snapshot::of(self.request(&Read::ops(reads))?)
+    /// Reads as many registers as one request can read. Returns them, and the others.
+    fn read_first<'a>(&self, reads: &'a [Read]) -> Result<(Snapshot, &'a [Read]), CliError> {
+        let mut count = fitting(reads);
+        loop {
+            let (first, others) = reads.split_at(count);
+            match self.request(&Read::ops(first)) {
+                // Many forced registers leave less room.
+                Err(CliError::Client(ClientError::Refused(refused)))
+                    if refused.code == Code::REPLY_TOO_LONG && count > 1 =>
+                {
+                    count /= 2;
+                }
+                replies => return Ok((Snapshot::of(replies?)?, others)),
+            }
+        }
     }
 }
 
@@ -262,7 +283,7 @@ impl Read {
             Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
             Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
         };
-        [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect()
+        [Op::Time, Op::Forces].into_iter().chain(reads.iter().map(op)).collect()
     }
 }
 
@@ -276,7 +297,7 @@ impl Snapshot {
         let mut data = Vec::with_capacity(replies.len());
         for reply in replies {
             match reply {
-                Reply::Info(info) => time_us = info.time_us,
+                Reply::Time(now_us) => time_us = now_us,
                 Reply::Forces(forced) => forces = forced,
                 Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
                 Reply::Bytes(bytes) => data.push(bytes),

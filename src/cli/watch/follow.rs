@@ -2,6 +2,7 @@
 
 use super::{Args, FormatArg};
 use crate::cli::change::{self, Change};
+use crate::cli::device::NameChecks;
 use crate::cli::dump::{self, Blocks};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
@@ -36,7 +37,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn show(args: &Args) -> Result<(), CliError> {
-    args.blocks.iter().try_for_each(|name| dump::check(&args.instance, name))?;
+    let checks = NameChecks::new(&args.instance);
+    args.blocks.iter().try_for_each(|name| dump::check(&checks, name))?;
+    drop(checks);
     let session = Session::open(&args.instance, 0)?;
     let blocks = Blocks::find(&session, &args.blocks)?;
     let mut pause = Pause::new()?;
