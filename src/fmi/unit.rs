@@ -15,7 +15,7 @@ const MAGIC: [u8; 8] = *b"cmrmunit";
 /// Number of the format of a state. Increment it when [`UnitFields`] change. The snapshot in the state has its own
 /// format number. A state of format 1 has neither the magic nor a number. A state of format 2 or later begins with the
 /// magic, the number and the version of commram, and ends with the checksum of [`seal`].
-pub(super) const FORMAT: u16 = 6;
+pub(super) const FORMAT: u16 = 7;
 /// Highest number of a phase. In format 1, the first byte of a state was such a number.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 

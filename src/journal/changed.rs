@@ -103,7 +103,8 @@ impl EventText for Changed {
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.followed(self.plc, self.offset, self.how.width, self.how.live);
         let fields = Fields::new().with("register", place.name()).with("address", place.address());
-        let fields = fields.with("width", self.how.width.bytes()).with("from", self.from).with("to", self.to);
+        let [from, to] = [self.from, self.to].map(|value| place.number(value));
+        let fields = fields.with("width", self.how.width.bytes()).with("from", from).with("to", to);
         fields.with("by", self.how.by.name()).with_any("text", place.meaning(self.to))
     }
 }

@@ -102,7 +102,7 @@ impl EventText for Found {
             .with("severity", rule.severity().name())
             .with("register", finding.name(fitted))
             .with_any("address", finding.address(fitted).map(|address| address.to_string()))
-            .with("value", self.value)
+            .with("value", finding.number(fitted))
             .with_any("late_us", Some(self.late_us).filter(|late| *late > 0))
             .with("text", rule.text())
             .with_any("note", note_of(reader))
@@ -178,6 +178,12 @@ impl Finding {
         }
         let plain = if self.is_in_header() || self.is_at_bus() { RegType::Dword } else { RegType::Byte };
         format_value(self.register(fitted).map_or(plain, |register| register.ty()), self.value)
+    }
+
+    /// Returns the value as a number of the register's type.
+    #[must_use]
+    pub fn number(&self, fitted: impl Into<DeviceFit>) -> i64 {
+        self.register(fitted).map_or(i64::from(self.value), |register| register.ty().number(self.value))
     }
 
     const fn is_at_participant(&self) -> bool {

@@ -234,6 +234,11 @@ impl RegisterLocation {
         format_value(self.ty, value)
     }
 
+    /// Returns the value as a number of the register's type.
+    pub(super) fn number(&self, value: u32) -> i64 {
+        self.register.map_or(i64::from(value), |register| register.ty().number(value))
+    }
+
     /// Returns the meaning of the value; `None` if it is just a number.
     pub(super) fn meaning(&self, value: u32) -> Option<String> {
         self.register

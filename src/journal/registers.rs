@@ -103,7 +103,8 @@ impl EventText for State {
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.whole(self.origin.plc, self.offset);
         let text = place.meaning(self.to.into()).unwrap_or_default();
-        named(&place).with("from", self.from).with("to", self.to).with("text", text)
+        let [from, to] = [self.from, self.to].map(|value| place.number(value.into()));
+        named(&place).with("from", from).with("to", to).with("text", text)
     }
 }
 
@@ -132,7 +133,8 @@ impl EventText for Handshake {
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.whole(self.origin.plc, self.offset);
-        named(&place).with("request", self.request).with("answer", self.answer)
+        let [request, answer] = [self.request, self.answer].map(|value| place.number(value.into()));
+        named(&place).with("request", request).with("answer", answer)
     }
 }
 
@@ -155,7 +157,8 @@ impl EventText for Register {
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.whole(self.origin.plc, self.offset);
-        named(&place).with("from", self.from).with("to", self.to).with_any("text", place.meaning(self.to))
+        let [from, to] = [self.from, self.to].map(|value| place.number(value));
+        named(&place).with("from", from).with("to", to).with_any("text", place.meaning(self.to))
     }
 }
 
@@ -175,7 +178,8 @@ impl EventText for ChannelWrite {
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.accessed(self.plc, self.offset, self.width);
         let meaning = place.meaning(self.value);
-        named(&place).with("width", self.width).with("value", self.value).with_any("text", meaning)
+        let value = place.number(self.value);
+        named(&place).with("width", self.width).with("value", value).with_any("text", meaning)
     }
 }
 
@@ -187,7 +191,7 @@ impl EventText for Force {
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.accessed(self.plc, self.offset, self.width);
-        named(&place).with("width", self.width).with("value", self.value)
+        named(&place).with("width", self.width).with("value", place.number(self.value))
     }
 }
 

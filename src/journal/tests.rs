@@ -263,17 +263,51 @@ proptest! {
     }
 }
 
+/// Returns the names of a plant with one device.
+fn names() -> Names {
+    let devices = vec![crate::layout::DeviceFit::unknown(&crate::devices::samples::tables::NODES)];
+    Names { plcs: vec!["a".into()], devices, ..Names::default() }
+}
+
+/// In JSON Lines a value of a register is a number of its type, as in `commram peek --format json`.
+#[test]
+fn values_of_signed_registers_have_a_sign() {
+    let place = |name: &str| crate::devices::samples::tables::NODES.register(name).unwrap().offset();
+    let (plc, live) = (DeviceIndex(0), phases::CYCLIC);
+    let origin = Origin { plc, node: PortNumber(2) };
+    let (double, short, unsigned) =
+        (place("node2.a_RD_BMARRAY[1][0]"), place("node2.i_SW1_RELEASE"), place("node2.w_OPTION_STATUS"));
+    let [from, to] = [u32::MAX, 0x8000_0000];
+    let how = ChangeDetails { width: crate::layout::Width::Dword, by: By::Firmware, live };
+    let handshake =
+        |offset| Handshake { origin, offset, request: 0xFFFF, answer: 0x8000, more_answers_follow: false };
+    let events: [(Event, &[(&str, i64)]); 7] = [
+        (
+            State { origin, offset: unsigned, command: 0, from: 2, to: 3, live }.into(),
+            &[("from", 2), ("to", 3)],
+        ),
+        (Changed { plc, offset: double, how, from, to }.into(), &[("from", -1), ("to", i32::MIN.into())]),
+        (Register { origin, offset: double, from, to }.into(), &[("from", -1), ("to", i32::MIN.into())]),
+        (ChannelWrite { plc, offset: double, width: 4, value: from }.into(), &[("value", -1)]),
+        (Force { plc, offset: double, width: 4, value: from }.into(), &[("value", -1)]),
+        (handshake(short).into(), &[("request", -1), ("answer", i16::MIN.into())]),
+        (handshake(unsigned).into(), &[("request", 0xFFFF), ("answer", 0x8000)]),
+    ];
+    let mut lines = jsonl::Jsonl::new(names(), catalogue());
+    for (event, numbers) in events {
+        let mut line = String::new();
+        lines.record(&Record::single(1, event), &mut line);
+        let line: serde_json::Value = serde_json::from_str(&line).unwrap();
+        assert!(line["register"].is_string(), "{line}");
+        numbers.iter().for_each(|(field, number)| assert_eq!(line[field], *number, "{line}"));
+    }
+}
+
 /// A reader knows the valid structures even if the journal has dropped the records of states, and the record of a count
 /// that has ended.
 #[test]
 fn lost_records_do_not_change_the_names_of_overlaid_registers() {
-    use crate::devices::samples::tables::NODES;
     let (plc, offset) = (DeviceIndex(0), 200_012);
-    let names = || Names {
-        plcs: vec!["a".into()],
-        devices: vec![crate::layout::DeviceFit::unknown(&NODES)],
-        ..Names::default()
-    };
     let mut journal = Journal::new(3);
     let mut expected = Vec::new();
     let phase = |journal: &mut Journal, live| {

@@ -301,7 +301,7 @@ fn finding_map(bench: &Bench, entry: &Entry) -> Map {
         ("severity".into(), rule.severity().name().into()),
         ("rule".into(), rule.id().into()),
         ("register".into(), bench.finding_place(entry).into()),
-        ("value".into(), INT::from(entry.last.value).into()),
+        ("value".into(), bench.finding_value(entry).into()),
         ("count".into(), int(entry.count).into()),
         ("time".into(), int(entry.first_us).into()),
         ("text".into(), entry.text().into()),

@@ -193,7 +193,7 @@ fn a_snapshot_of_another_format_is_refused_by_its_versions() {
             &crate::common::unique_name(),
         ]);
         let words = format!(
-            "it was made by commram {version} (format {format}), this is commram {} (format 7); use that version",
+            "it was made by commram {version} (format {format}), this is commram {} (format 8); use that version",
             env!("CARGO_PKG_VERSION")
         );
         assert!(outcome.fails(2).contains(&words), "{}", outcome.err);

@@ -272,3 +272,58 @@ fn the_switch_in_the_header_page_works_without_a_ring() {
     rig.step(500);
     assert_eq!((header.program.restarts.load(), header.board.display.load()), (2, u32::from('0')));
 }
+
+/// docs/reference/attach.md has a table of the requests and the devices: each device answers each request, most of them
+/// while the time is stopped.
+#[test]
+fn every_device_answers_every_request_to_its_board() {
+    let folder = concat!("kind = '", env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm'");
+    let buses =
+        "[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n[[bus]]\nname = 'dp'\nkind = 'profibus'\n";
+    // Each device, and the events that `INTR_SET` enables; `None` if some of them exclude each other.
+    for (device, events) in [
+        ("kind = 'omega-drive-line-2'".to_owned(), None),
+        ("kind = 'bm4-plc'".to_owned(), Some(1 << 11)),
+        ("kind = 'cs0015'\nbus = 'open'".to_owned(), Some(0)),
+        ("kind = 'cr201x'\nbus = 'open'\nnode_id = 9\nmodule = 'cr2011'".to_owned(), Some(0)),
+        ("kind = 'can-dp2'\nprofibus = 'dp'\ncan = 'open'".to_owned(), Some(0)),
+        (folder.to_owned(), Some(0xFFFF)),
+    ] {
+        let mut plant = plant_of(&format!("[[device]]\nname = 'a'\n{device}\n{buses}"));
+        plant.advance_to(1_000);
+        let segment = plant.devices()[0].segment().clone();
+        let header = segment.header().unwrap();
+        let interrupts: Vec<u32> = header.interrupts.iter().map(|slot| slot.ask(1, true)).collect();
+        let (opt_init, flag) = (header.opt_init.ask(), header.initial_flag.ask(0, 1, 7));
+        header.project_request.store(1);
+        header.program.start_request.store(1);
+        header.submit_request();
+        assert!(plant.look_at_boards(), "{device}");
+        let answers = || {
+            let slots = header.interrupts.iter().zip(&interrupts);
+            slots.map(|(slot, request)| slot.outcome(*request)).collect::<Vec<_>>()
+        };
+        assert_eq!(answers().contains(&None), events == Some(0xFFFF), "{device}");
+        assert_eq!(header.program.start_request.load() != 0, device.contains("cs0015"), "{device}");
+        let is_omega = events.is_none();
+        assert_eq!(header.opt_init.outcome(opt_init), Some(if is_omega { 0 } else { 4 }), "{device}");
+        assert_eq!(header.initial_flag.outcome(flag), Some(u32::from(!is_omega)), "{device}");
+        assert_eq!(header.project_request.load(), 0, "{device}");
+        plant.advance_to(10_000);
+        assert_eq!(header.program.start_request.load(), 0, "{device}");
+        assert!(!answers().contains(&None), "{device}");
+        if let Some(events) = events {
+            let expected: Vec<_> = (0..16).map(|event| Some(!events >> event & 1)).collect();
+            assert_eq!(answers(), expected, "{device}");
+        }
+        // A power-on discards a request that has no answer yet.
+        plant.set_power(DeviceIndex(0), Power::Off);
+        header.interrupts[11].ask(1, false);
+        header.submit_request();
+        plant.advance_to(20_000);
+        plant.set_power(DeviceIndex(0), Power::On);
+        plant.advance_to(30_000);
+        let slot = &header.interrupts[11];
+        assert_eq!(slot.request.load(), slot.answer.load(), "{device}");
+    }
+}

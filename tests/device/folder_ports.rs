@@ -314,3 +314,51 @@ fn a_master_without_slaves_on_the_bus_continues() {
     let telegrams = journal(&mut bench).iter().filter(|line| line.contains("Slave_Diag")).count();
     assert!(telegrams > 20, "{telegrams}");
 }
+
+/// A fault of the bus at any moment of the start delays the exchange, but never prevents it.
+#[test]
+fn a_master_exchanges_data_after_every_transient_fault() {
+    const FAULTS: [&str; 10] = [
+        "lose_telegram",
+        "lose_telegram what=request",
+        "lose_telegram what=answer",
+        "delay_telegram delay=20ms",
+        "repeat_telegram delay=700us",
+        "garble_telegram",
+        "wrong_frame_count",
+        "silent_station station=1",
+        "silent_station station=5",
+        "noise octets=20",
+    ];
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm/tests/profibus.toml");
+    let kind = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm");
+    let text = std::fs::read_to_string(file).unwrap().replace("\"../../netx-dpm\"", &format!("\"{kind}\""));
+    let mut bench = Bench::plant(&text).unwrap();
+    let active = |bench: &mut Bench| bench.peek("card:com0.tCommonStatus.ulNumOfActiveSlaves").unwrap();
+    bench.step("400ms").unwrap();
+    bench.poke("card:com0.tControl.ulApplicationCOS", 7).unwrap();
+    bench.poke("card:hsk.tCommFlags0.usHostFlags", 4).unwrap();
+    let mut moments = Vec::new();
+    while active(&mut bench) == 0 {
+        moments.push(bench.save().unwrap());
+        bench.step("500us").unwrap();
+    }
+    moments.push(bench.save().unwrap());
+    assert!(moments.len() > 8, "{}", moments.len());
+    for fault in FAULTS {
+        for (place, moment) in moments.iter().enumerate() {
+            for count in 1..=8 {
+                bench.back_to(*moment).unwrap();
+                let number = bench.fault(&format!("{fault} bus=dp count={count}")).unwrap();
+                let mut left = 80;
+                while bench.faults().unwrap().iter().any(|it| it.id == number) || active(&mut bench) == 0 {
+                    assert!(left > 0, "no exchange after {fault} count={count} at moment {place}");
+                    left -= 1;
+                    bench.step("50ms").unwrap();
+                }
+                bench.step("20ms").unwrap();
+                assert_eq!(active(&mut bench), 1, "{fault} count={count} at moment {place}");
+            }
+        }
+    }
+}

@@ -5,6 +5,7 @@ use crate::input_file;
 use crate::journal::jsonl::VERSION;
 use crate::journal::{Past, Window};
 use crate::memory::Width;
+use core::ops::RangeInclusive;
 use serde::Deserialize;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -13,6 +14,9 @@ use std::path::{Path, PathBuf};
 /// Maximum number of events of counted records in a plot. The first and last event of each record are not included in
 /// this number.
 const MOST_COUNTED: u64 = 1_000_000;
+
+/// Values that a register of 4 bytes can have.
+const RANGE: RangeInclusive<i64> = i32::MIN as i64..=u32::MAX as i64;
 
 /// The reason why a text is not a readable journal.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
@@ -53,8 +57,8 @@ enum JournalFileError {
     TooWide {
         /// Number of the line, from 1.
         line: usize,
-        /// Value, too large for the register.
-        value: u32,
+        /// Value that the register cannot have.
+        value: i64,
         /// Address of the register, which determines the largest value.
         address: String,
     },
@@ -91,8 +95,8 @@ struct Run {
     count: u64,
     /// Interval between the events in microseconds; 0 for a single event.
     period_us: u64,
-    /// Value of the register.
-    value: u32,
+    /// Value of the register, as a number of its type.
+    value: i64,
     /// True if every change of the register is recorded.
     is_recorded: bool,
 }
@@ -135,7 +139,7 @@ impl Line {
     }
 
     /// Returns the new value of the register, and true if the journal records every change of this register.
-    fn value(&self, line: usize) -> Result<Option<(u32, bool)>, JournalFileError> {
+    fn value(&self, line: usize) -> Result<Option<(i64, bool)>, JournalFileError> {
         let (value, is_recorded) = match self.kind.as_str() {
             "changed" => (&self.to, true),
             "register" | "state" => (&self.to, false),
@@ -144,13 +148,13 @@ impl Line {
             _ => return Ok(None),
         };
         let Some(value) = value else { return Ok(None) };
-        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
+        let number = value.as_i64().filter(|number| RANGE.contains(number));
         let number = number.ok_or_else(|| JournalFileError::NoValue { line, value: value.clone() })?;
         Ok(Some((number, is_recorded)))
     }
 
     /// Returns the events that the record counts.
-    fn run(&self, line: usize, (value, is_recorded): (u32, bool)) -> Run {
+    fn run(&self, line: usize, (value, is_recorded): (i64, bool)) -> Run {
         let (count, period_us) = (self.count.unwrap_or(1), self.period_us.unwrap_or(0));
         Run { line, last_us: self.time_us, count, period_us, value, is_recorded }
     }
@@ -230,8 +234,10 @@ impl RecordedRegisters {
 
     /// Returns the values of the register at `address`.
     fn past(&self, runs: &[Run], address: &str, width: Width, window: Window) -> Result<Past, CliError> {
-        let most = width.max_value();
-        if let Some(Run { line, value, .. }) = runs.iter().find(|run| run.value > most) {
+        let mask = width.max_value();
+        // A negative number is a value of a signed type.
+        let range = -i64::from(mask / 2) - 1..=i64::from(mask);
+        if let Some(Run { line, value, .. }) = runs.iter().find(|run| !range.contains(&run.value)) {
             return Err(self.wrong(&JournalFileError::TooWide {
                 line: *line,
                 value: *value,
@@ -241,8 +247,10 @@ impl RecordedRegisters {
         let is_recorded = runs.iter().any(|run| run.is_recorded);
         let mut values: Vec<(u64, u32)> = Vec::new();
         for (time, run) in self.unfold(runs.iter().filter(|run| run.is_recorded == is_recorded), window)? {
-            if values.last().is_none_or(|(_, before)| *before != run.value) {
-                values.push((time, run.value));
+            // The cast keeps the low bits of the two's complement.
+            let bits = run.value as u32 & mask;
+            if values.last().is_none_or(|(_, before)| *before != bits) {
+                values.push((time, bits));
             }
         }
         Ok(Past { values, is_recorded })
@@ -360,11 +368,16 @@ mod tests {
             ("channel_write", "value"),
             ("handshake", "answer"),
         ] {
-            let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, "256"))).unwrap();
-            let message =
-                wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
-            assert!(message.contains("line 2: 256 does not fit into %MB3.5"), "{message}");
-            for value in ["18446744073709551615", "4294967296", "-1", "1.5", "\"5\""] {
+            for value in ["256", "-129"] {
+                let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value))).unwrap();
+                let message =
+                    wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
+                assert!(message.contains(&format!("line 2: {value} does not fit into %MB3.5")), "{message}");
+            }
+            let negative = RecordedRegisters::parse(&line(kind, key, "-2")).unwrap();
+            let past = negative.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap();
+            assert_eq!(past.values, [(0, 254)], "a number of a signed type");
+            for value in ["18446744073709551615", "4294967296", "-2147483649", "1.5", "\"5\""] {
                 let message = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value)))
                     .err()
                     .unwrap()

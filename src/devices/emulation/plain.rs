@@ -115,6 +115,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
+    /// True if the firmware answers requests of `INTR_SET`. Otherwise the device refuses them.
+    fn answers_interrupts(&mut self) -> bool {
+        self.events().is_some()
+    }
+
     /// Returns the same value as [`Device::file_changes`] of the device.
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
@@ -261,9 +266,12 @@ impl<F: Firmware> Front for Plain<F> {
             return FrontAction::Nothing;
         }
         let look = self.supply.feed(&self.face, self.firmware.is_fed());
-        if !self.firmware.starts_program() {
+        let has_interrupts = self.firmware.answers_interrupts();
+        if self.firmware.starts_program() {
+            self.starts.look_at_requests(ctx, &self.face, has_interrupts);
+        } else {
             let is_up = look == FrontAction::Nothing && self.supply.is_up();
-            if let Some(order) = self.starts.look(ctx, &self.face, is_up) {
+            if let Some(order) = self.starts.look(ctx, &self.face, is_up, has_interrupts) {
                 self.note_order(ctx, order);
             }
         }
@@ -271,8 +279,11 @@ impl<F: Firmware> Front for Plain<F> {
     }
 
     fn front_has_changed(&self) -> bool {
-        self.supply.has_changed(&self.face)
-            || !self.firmware.starts_program() && self.starts.has_changed(&self.face)
+        let has_changed = match self.firmware.starts_program() {
+            true => Starts::has_requests,
+            false => Starts::has_changed,
+        };
+        self.supply.has_changed(&self.face) || has_changed(&self.starts, &self.face)
     }
 
     fn is_up(&self) -> bool {
@@ -380,6 +391,7 @@ mod tests {
     #[test]
     fn firmware_defaults_are_empty() {
         let mut none = ();
+        assert!(!none.answers_interrupts());
         assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.is_quiescent());
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));

@@ -1,10 +1,12 @@
 //! Starts and stops of the program, for devices without a RUN/STOP switch. The program may run while the
 //! device is up (decision D-630).
 
-use super::Context;
 use super::records::{BoardEvent, OnBoard};
+use super::{Context, Events};
 use crate::memory::FirmwareHeader;
-use crate::memory::header::{InitialFlagResult, ProgramState, Project, Start};
+use crate::memory::header::{
+    InitialFlagResult, InterruptResult, OptInitResult, ProgramState, Project, Start,
+};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
@@ -45,19 +47,38 @@ impl Starts {
         ProgramCells::now(face) != self.seen
     }
 
-    /// Polls the requests and reports of clients. With `is_up`, the program may run. Returns the start or
-    /// stop that was requested last.
+    /// True if a client has made a request since the last poll.
+    pub(in crate::devices) fn has_requests(&self, face: &FirmwareHeader) -> bool {
+        face.requested().board_requests.load() != self.seen.requests
+    }
+
+    /// Polls only the requests of clients, for a device that starts and stops the program itself.
+    pub(in crate::devices) fn look_at_requests(
+        &mut self,
+        ctx: &mut Context,
+        face: &FirmwareHeader,
+        has_interrupts: bool,
+    ) {
+        if self.has_requests(face) {
+            self.seen.requests = face.requested().board_requests.load();
+            refuse_requests(ctx, face, has_interrupts);
+        }
+    }
+
+    /// Polls the requests and reports of clients. With `is_up`, the program may run. `has_interrupts`: the
+    /// device answers `INTR_SET`. Returns the start or stop that was requested last.
     pub(in crate::devices) fn look(
         &mut self,
         ctx: &mut Context,
         face: &FirmwareHeader,
         is_up: bool,
+        has_interrupts: bool,
     ) -> Option<Start> {
         let seen = ProgramCells::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
         let mut ordered = self.note_program(ctx, face, is_up);
         if is_asked {
-            refuse_initial_flag(face);
+            refuse_requests(ctx, face, has_interrupts);
             ordered = self.look_at_request(ctx, face, is_up).or(ordered);
         }
         ordered
@@ -111,9 +132,22 @@ pub(in crate::devices) fn refuse_start(ctx: &mut Context, code: u32) {
     report(ctx, BoardEvent::StartRefused { code: code as u8 });
 }
 
-/// Refuses the request of a client to set the initial value of a retain flag. The device has no cold start
-/// that would write the value.
-pub(in crate::devices) fn refuse_initial_flag(face: &FirmwareHeader) {
+/// Refuses the requests for functions that only other devices have, so that no client waits without a limit (D-213).
+/// The device has no cold start that would write the initial value of a retain flag, no triggers, and no projects.
+/// Without `has_interrupts` the device enables no events by `INTR_SET`.
+fn refuse_requests(ctx: &mut Context, face: &FirmwareHeader, has_interrupts: bool) {
+    if !has_interrupts {
+        Events::default().answer(ctx, face, |_, _, _, _| InterruptResult::NoSuchEvent);
+    }
+    let asked = &face.requested().opt_init;
+    let request = asked.request.load();
+    if request != face.opt_init.answer.load() {
+        let result = OptInitResult::NoTriggers;
+        face.opt_init.answer(request, result);
+        let modes = [0, 1, 2].map(|at| asked.triggers[at].load() as u8);
+        report(ctx, BoardEvent::Triggers { modes, result });
+    }
+    face.take(|page| &page.project_request);
     let (slot, request) = (&face.initial_flag, face.requested().initial_flag.request.load());
     if request != slot.answer.load() {
         slot.result.store(InitialFlagResult::NoSuchFlag.code());
@@ -156,12 +190,12 @@ mod tests {
         /// Handles the state that a program reports.
         fn report(&mut self, state: ProgramState, is_up: bool) -> Option<Start> {
             self.face.program.state.store(state.code());
-            self.with(|starts, ctx, face| starts.look(ctx, face, is_up))
+            self.with(|starts, ctx, face| starts.look(ctx, face, is_up, false))
         }
 
         fn ask(&mut self, kind: Start, is_up: bool) -> Option<Start> {
             self.face.ask(|page: &Header| &page.program.start_request, kind.code());
-            self.with(|starts, ctx, face| starts.look(ctx, face, is_up))
+            self.with(|starts, ctx, face| starts.look(ctx, face, is_up, false))
         }
 
         fn power_on(&mut self) -> Option<Start> {
@@ -203,7 +237,7 @@ mod tests {
         let mut rig = Rig::new();
         let request = rig.face.initial_flag.ask(0, 1, 7);
         rig.face.board_requests.increment();
-        rig.with(|starts, ctx, face| starts.look(ctx, face, true));
+        rig.with(|starts, ctx, face| starts.look(ctx, face, true, false));
         assert_eq!(rig.face.initial_flag.outcome(request), Some(InitialFlagResult::NoSuchFlag.code()));
     }
 }

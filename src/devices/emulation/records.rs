@@ -246,6 +246,7 @@ impl BoardEvent {
                     OptInitResult::AlreadyRun => "it may be run once only",
                     OptInitResult::BadTrigger => "a mode is reserved",
                     OptInitResult::BadTimer => "a timer's inputs are out of range",
+                    OptInitResult::NoTriggers => "the device has no triggers and no board timers",
                 };
                 format!("OPT_INIT refused ({modes}): {why}")
             }

@@ -9,7 +9,7 @@ use crate::devices::{CardPulses, Context, Events};
 use crate::identity::DeviceIndex;
 use crate::journal::{Origin, Register, State};
 use crate::layout::{DeviceFit, DeviceLayout, Owner, RegisterRef, Width};
-use crate::memory::header::InterruptResult;
+use crate::memory::header::{Interrupt, InterruptResult};
 use crate::memory::{Cell32, FirmwareHeader, HEADER_SIZE, Segment};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem;
@@ -269,10 +269,13 @@ impl Card {
         self.faults >> index & 1 != 0
     }
 
-    /// Handles power-on: no event is enabled.
+    /// Handles power-on: no event is enabled, and requests from before are discarded.
     pub(super) fn start(&mut self) {
         self.reset_registers();
         self.events.disable_all();
+        if self.has_events {
+            self.face.both(|page| page.interrupts.iter().for_each(Interrupt::clear));
+        }
         self.requests = self.face.requested().board_requests.load();
     }
 

@@ -25,6 +25,9 @@ const CONFIGURATION_SAP: u8 = 62;
 const TRIES: u8 = 2;
 /// Shortest time between the begins of two cycles, in microseconds.
 const CYCLE_US: u64 = 1000;
+/// Longest time in microseconds for which a slave may say that it is not ready, although it has acknowledged its
+/// configuration (D-819).
+const NOT_READY_US: u64 = 3_000_000;
 /// Bits of the first octet of a diagnosis: the slave is not ready; its configuration or its parameters are wrong.
 const NOT_READY: u8 = 0x02;
 const WRONG: u8 = 0x44;
@@ -83,6 +86,8 @@ struct SlaveState {
     /// Frame count bit of the last request; `None` if the next request counts as the first one.
     fcb: Option<bool>,
     is_active: bool,
+    /// Time in microseconds of the first diagnosis after the configuration, if the slave was not ready then.
+    not_ready_since: Option<u64>,
 }
 
 /// A request that the slave has not answered.
@@ -200,7 +205,7 @@ impl DpMaster {
         if let Some(mut state) = self.states.get(self.turn).copied() {
             let FunctionCode::Request { fcb, .. } = FunctionCode::parse(frame.fc) else { return };
             state.fcb = (!matches!(reply, Reply::None)).then_some(fcb);
-            self.advance(&mut state, reply);
+            self.advance(ctx.now, &mut state, reply);
             self.states[self.turn] = state;
             self.show(ctx, self.image.active, self.states.iter().filter(|state| state.is_active).count());
         }
@@ -209,7 +214,8 @@ impl DpMaster {
     }
 
     /// Finds the next request to the slave.
-    fn advance(&self, state: &mut SlaveState, reply: &Reply<'_>) {
+    fn advance(&self, now: u64, state: &mut SlaveState, reply: &Reply<'_>) {
+        let since = state.not_ready_since.take().unwrap_or(now);
         let inputs = self.part(&self.image.inputs, self.turn, |slave| slave.inputs);
         let before = state.step;
         state.step = match (before, reply) {
@@ -220,7 +226,12 @@ impl DpMaster {
                 [first, second, ..] if first & WRONG == 0 && second & NEEDS_PARAMETERS == 0 => {
                     match (first & NOT_READY == 0, before) {
                         (true, _) => Step::Data,
-                        (false, Step::Accepted) => Step::Accepted,
+                        // A slave that has not received the configuration, but has repeated an earlier receipt, is
+                        // never ready.
+                        (false, Step::Accepted) if now - since < NOT_READY_US => {
+                            state.not_ready_since = Some(since);
+                            Step::Accepted
+                        }
                         (false, _) => Step::Find,
                     }
                 }

@@ -76,7 +76,7 @@ codes! {
     InterruptResult {
         /// The event was enabled or disabled as requested.
         Done = 0,
-        /// The event number is reserved or does not exist.
+        /// The event number is reserved or does not exist, or the device enables no event by `INTR_SET`.
         NoSuchEvent = 1,
         /// Another event is enabled that excludes this event: 11 and 12 exclude each other, and 4 and 8 exclude each
         /// other (manual p. 48).
@@ -97,6 +97,8 @@ codes! {
         BadTrigger = 2,
         /// A divider, enable or configuration mode of a timer has an invalid value.
         BadTimer = 3,
+        /// The device has no triggers and no board timers.
+        NoTriggers = 4,
     }
 }
 
@@ -147,6 +149,12 @@ impl Interrupt {
 }
 
 impl OptInit {
+    /// Stores the result of `request`.
+    pub(crate) fn answer(&self, request: u32, result: OptInitResult) {
+        self.result.store(result.code());
+        self.answer.store(request);
+    }
+
     /// Removes request and answer, and sets all inputs to 0.
     pub fn clear(&self) {
         let timers = self.timers.iter().flat_map(|timer| [&timer.divider, &timer.enable, &timer.cfg_mode]);

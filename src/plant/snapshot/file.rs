@@ -8,7 +8,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, s
 const MAGIC: [u8; 8] = *b"cmrmsnap";
 /// Number of the format. It is incremented when the contents of a snapshot change. Every format begins with
 /// the magic, this number and the version of commram, and ends with the checksum of [`seal`].
-pub(super) const FORMAT: u16 = 7;
+pub(super) const FORMAT: u16 = 8;
 
 /// A snapshot with its plant.
 #[derive(Clone, Debug, PartialEq, Eq)]

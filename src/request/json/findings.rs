@@ -16,7 +16,7 @@ pub(crate) struct FindingJson {
     /// more entries.
     pub register: Option<String>,
     pub address: Option<String>,
-    pub value: u32,
+    pub value: i64,
     pub count: u64,
     pub first_us: u64,
     pub last_us: u64,
@@ -46,7 +46,7 @@ impl FindingJson {
             register: last.name(fitted).filter(|_| is_single).map(|name| prefix + &name),
             plc,
             address: last.address(fitted).filter(|_| is_single).map(|address| address.to_string()),
-            value: last.value,
+            value: last.number(fitted),
             count,
             first_us,
             last_us,

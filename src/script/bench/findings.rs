@@ -69,6 +69,11 @@ impl Bench {
         }
     }
 
+    /// Returns the value of a finding, as a number of the register's type.
+    pub fn finding_value(&self, entry: &Entry) -> i64 {
+        entry.last.number(self.names.fitted(entry.last.plc))
+    }
+
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
         match entry.note {

@@ -98,20 +98,29 @@ impl Record {
 }
 
 /// Finding of the access checker, of one rule at one register.
-#[pyclass(module = "commram._native", frozen, eq, get_all)]
+#[pyclass(module = "commram._native", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Finding {
     /// Severity of the rule: "error" or "warning".
+    #[pyo3(get)]
     severity: String,
+    #[pyo3(get)]
     rule: String,
+    #[pyo3(get)]
     register: String,
-    /// The value last written.
-    value: u32,
+    /// The value last written, as a number of the register's type.
+    #[pyo3(get)]
+    value: i64,
+    /// The value in the notation of IEC 61131-3.
+    value_text: String,
     /// Number of occurrences of the finding.
+    #[pyo3(get)]
     count: u64,
     /// Emulated time of the first occurrence, in microseconds.
+    #[pyo3(get)]
     time: u64,
     /// Text of the rule.
+    #[pyo3(get)]
     text: String,
 }
 
@@ -122,7 +131,8 @@ impl Finding {
             severity: rule.severity().name().to_owned(),
             rule: rule.id().to_owned(),
             register: bench.finding_place(entry),
-            value: entry.last.value,
+            value: bench.finding_value(entry),
+            value_text: entry.last.value_text(bench.names().fitted(entry.last.plc)),
             count: entry.count,
             time: entry.first_us,
             text: rule.text().to_owned(),
@@ -137,8 +147,8 @@ impl Finding {
     }
 
     fn __str__(&self) -> String {
-        let Self { severity, rule, register, value, count, text, .. } = self;
-        format!("{severity}: {rule}: {register} := 16#{value:X}, {count} times: {text}")
+        let Self { severity, rule, register, value_text, count, text, .. } = self;
+        format!("{severity}: {rule}: {register} := {value_text}, {count} times: {text}")
     }
 }
 

@@ -69,7 +69,7 @@ impl Front {
         let is_asked = core::mem::replace(&mut self.requests, requests) != requests;
         let look = self.supply.look(&self.face);
         let is_up = look == FrontAction::Nothing && self.is_up();
-        let ordered = self.starts.look(ctx, &self.face, is_up);
+        let ordered = self.starts.look(ctx, &self.face, is_up, true);
         self.follow(ordered);
         if !is_up {
             return look;

@@ -1,14 +1,20 @@
 //! The PLC's DP master: sends parameters and configuration, then exchanges the peripherals with the gateway.
 
 use super::Peripherals;
-use crate::devices::can_dp2::registers::values::station_status_1 as status_1;
 use crate::devices::can_dp2::registers::values::{mst_control, mst_dsap, mst_result};
+use crate::devices::can_dp2::registers::values::{
+    station_status_1 as status_1, station_status_2 as status_2,
+};
 use crate::devices::can_dp2::registers::{CAN_DP2_MST, gsd};
 use crate::plc::{Base, Shared, function_block};
 
 /// Number of octets of each direction, and of the diagnosis.
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
+
+/// Largest number of calls after which a slave may still be not ready, although it has acknowledged its configuration
+/// (D-369).
+const NOT_READY_CALLS: u16 = 1000;
 
 /// The request that the block sends next or has sent last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,6 +36,8 @@ enum MasterStep {
 pub struct Master {
     step: MasterStep,
     is_asked: bool,
+    /// Number of calls that have found the slave not ready since it acknowledged its configuration.
+    not_ready_calls: u16,
 }
 
 function_block! {
@@ -97,6 +105,7 @@ impl DP_MASTER {
         let result = mst.mst_result.load();
         let reply = mst.mst_reply.iter().take(mst.mst_reply_len.load().into()).map(|cell| cell.load());
         let step = self.internal.step;
+        let not_ready_calls = core::mem::take(&mut self.internal.not_ready_calls) + 1;
         let is_diagnosis = matches!(step, MasterStep::Find | MasterStep::Check | MasterStep::Diagnosis);
         match (step, result) {
             (_, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS) if is_diagnosis => {
@@ -104,10 +113,20 @@ impl DP_MASTER {
                 self.DIAG.iter_mut().zip(reply).for_each(|(to, from)| *to = from);
                 match step {
                     MasterStep::Find => MasterStep::Parameters,
-                    MasterStep::Check if self.DIAG[0] & (status_1::CFG_FAULT | status_1::PRM_FAULT) != 0 => {
+                    MasterStep::Check
+                        if self.DIAG[0] & (status_1::CFG_FAULT | status_1::PRM_FAULT) != 0
+                            || self.DIAG[1] & status_2::PRM_REQ != 0 =>
+                    {
                         MasterStep::Find
                     }
-                    MasterStep::Check if self.DIAG[0] & status_1::NOT_READY != 0 => MasterStep::Check,
+                    MasterStep::Check if self.DIAG[0] & status_1::NOT_READY == 0 => MasterStep::Exchange,
+                    // A slave that has not received the configuration, but has repeated an earlier receipt, is never
+                    // ready.
+                    MasterStep::Check if not_ready_calls >= NOT_READY_CALLS => MasterStep::Find,
+                    MasterStep::Check => {
+                        self.internal.not_ready_calls = not_ready_calls;
+                        MasterStep::Check
+                    }
                     _ => MasterStep::Exchange,
                 }
             }

@@ -433,7 +433,7 @@ impl CanPort for Firmware {
         let registers = &self.node.registers;
         registers.turned(FRONT_PROGRAM) != command::NOTHING
             || self.state != state::OFF
-                && (registers.has_program_request()
+                && (registers.has_start_request()
                     || registers.reported_program() != self.program_state().code())
             || self.state == state::RUN && self.under_way.has_new_orders(registers)
     }

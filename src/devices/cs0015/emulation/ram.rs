@@ -94,16 +94,13 @@ impl Registers {
         program::order(&self.face, kind);
     }
 
-    /// True if a client has a request that concerns the program.
-    pub(super) fn has_program_request(&self) -> bool {
-        let asked = self.face.requested();
-        asked.program.start_request.load() != 0
-            || asked.initial_flag.request.load() != self.face.initial_flag.answer.load()
+    /// True if a client requests a start.
+    pub(super) fn has_start_request(&self) -> bool {
+        self.face.requested().program.start_request.load() != 0
     }
 
     /// Takes a client's request for a start.
     pub(super) fn take_start_request(&self) -> Option<u32> {
-        program::refuse_initial_flag(&self.face);
         self.face.take(|page| &page.program.start_request)
     }
 

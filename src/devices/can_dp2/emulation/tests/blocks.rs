@@ -17,7 +17,8 @@ struct Plc {
 }
 
 impl Plc {
-    fn new(flags_1: u8, cfg: &[u8], output_len: u8) -> Self {
+    /// Returns a PLC that has not called the master yet.
+    fn begun(flags_1: u8, cfg: &[u8], output_len: u8) -> Self {
         let bench = Bench::new(5);
         let mst = Ram::of(&bench.segment).unwrap().at(MST).unwrap();
         let mut master = DP_MASTER {
@@ -29,7 +30,12 @@ impl Plc {
         master.PRM.copy_from_slice(&prm(flags_1, 0));
         master.CFG[..cfg.len()].copy_from_slice(cfg);
         let (blocks, peripherals) = (DataBlocks::default(), Peripherals::default());
-        let mut plc = Plc { bench, mst, master, blocks, peripherals, refuses: 0 };
+        Plc { bench, mst, master, blocks, peripherals, refuses: 0 }
+    }
+
+    /// Returns a PLC that exchanges data.
+    fn new(flags_1: u8, cfg: &[u8], output_len: u8) -> Self {
+        let mut plc = Plc::begun(flags_1, cfg, output_len);
         for _ in 0..200 {
             plc.cycle(|_, _| ());
             if plc.master.READY {
@@ -82,6 +88,40 @@ fn transfer(plc: &mut Plc, block: &mut FB4) {
         }
     }
     panic!("no end of the transfer");
+}
+
+/// A fault of telegrams at any step of the start delays the exchange, but never prevents it.
+#[test]
+fn the_master_exchanges_data_after_every_transient_fault() {
+    const FAULTS: [(&str, &[(&str, u64)]); 9] = [
+        ("lose_telegram", &[]),
+        ("lose_telegram", &[("what", 0)]),
+        ("lose_telegram", &[("what", 1)]),
+        ("delay_telegram", &[("delay_us", 20_000)]),
+        ("repeat_telegram", &[("delay_us", 700)]),
+        ("garble_telegram", &[]),
+        ("wrong_frame_count", &[]),
+        ("silent_station", &[("station", 1)]),
+        ("silent_station", &[("station", 5)]),
+    ];
+    let begun = (0..10).flat_map(|cycles| (1..=8).map(move |count| (cycles, count)));
+    for (fault, values) in FAULTS {
+        for (cycles, count) in begun.clone() {
+            let mut plc = Plc::begun(0, &CFG, 2);
+            plc.run(cycles, |_, _| ());
+            plc.bench.disturb(fault, values, Some(count));
+            let case = format!("{fault} {values:?} count={count} after {cycles} cycles");
+            let mut left = 2500;
+            while !(plc.bench.faults.is_empty() && plc.master.READY) {
+                assert!(left > 0, "no exchange after {case}: {:02X?}", plc.master.DIAG);
+                left -= 1;
+                plc.cycle(|_, _| ());
+            }
+            let before = plc.master.COUNT;
+            plc.run(20, |_, _| ());
+            assert!(plc.master.READY && plc.master.COUNT - before > 5, "{case}");
+        }
+    }
 }
 
 /// The block sends the orders of p. 77-79: it enables the start frame, enables an identifier, and receives a frame. With

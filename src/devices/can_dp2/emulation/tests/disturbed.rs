@@ -13,7 +13,7 @@ const OUTPUTS: [u8; 2] = [0x12, 0x34];
 
 impl Bench {
     /// Adds a fault of the PROFIBUS with these values of its fields, and a number of hits.
-    fn disturb(&mut self, name: &str, values: &[(&str, u64)], count: Option<u64>) {
+    pub(super) fn disturb(&mut self, name: &str, values: &[(&str, u64)], count: Option<u64>) {
         let kind = KINDS.iter().find(|kind| kind.name() == name).unwrap();
         let mut draft = Draft { count, ..Draft::new(kind, BUS) };
         for (value, field) in draft.values.iter_mut().zip(kind.fields()) {

@@ -222,6 +222,11 @@ impl Firmware for Hardware {
         events::level(event)
     }
 
+    /// Event 1 occurs in each cycle of the program, and needs no enabling.
+    fn answers_interrupts(&mut self) -> bool {
+        false
+    }
+
     fn events(&mut self) -> Option<&mut Events> {
         self.pulses.pass_to(&mut self.events);
         Some(&mut self.events)

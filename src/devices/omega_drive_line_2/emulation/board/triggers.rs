@@ -76,8 +76,7 @@ impl Triggers {
             return None;
         }
         let result = self.set(now, &face.requested().opt_init, timers);
-        face.opt_init.result.store(result.code());
-        face.opt_init.answer.store(request);
+        face.opt_init.answer(request, result);
         Some(result)
     }
 
