@@ -130,7 +130,9 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// Makes this process end without the exit handlers of the library, because they would wait for a call that still runs.
+/// Makes this process end without the exit handlers of the library. A thread may still be in a call of the library, for
+/// example while the federate joins: the handlers would wait for this call, or free its objects. Call this after the last
+/// use of the library, because it may have registered handlers until then.
 pub(super) fn end_without_it() {
     #[cfg(target_env = "gnu")]
     {

@@ -20,7 +20,7 @@ use std::net::{IpAddr, SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
@@ -195,6 +195,8 @@ enum Command {
 type Received = Result<(u8, Vec<u8>), String>;
 
 /// The emulator's side of the connection.
+///
+/// A process that has used it ends without the exit handlers of its C libraries.
 pub struct HelicsExchange {
     commands: Sender<Command>,
     messages: Receiver<Received>,
@@ -253,9 +255,13 @@ impl Exchange for HelicsExchange {
     fn leave(&mut self, message: &[u8]) {
         let _ = self.commands.send(Command::Leave(message.to_vec()));
         // No message is ever sent on this channel. The channel closes when the thread ends.
-        if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
-            library::end_without_it();
-        }
+        let _ = self.has_left.recv_timeout(self.joining.farewell());
+    }
+}
+
+impl Drop for HelicsExchange {
+    fn drop(&mut self) {
+        library::end_without_it();
     }
 }
 

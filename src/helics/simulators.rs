@@ -7,7 +7,7 @@ use super::combination::ValueFederate;
 use super::library::{self, Functions};
 use super::{HelicsConfig, HelicsError, Joining};
 use crate::coupling::{Interface, PlantOutput, SimulatorOutput, Simulators};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
@@ -17,6 +17,8 @@ const SOONER: Duration = Duration::from_secs(1);
 const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
 
 /// The emulator's side of the connection.
+///
+/// A process that has used it ends without the exit handlers of its C libraries.
 pub struct HelicsSimulators {
     /// Sends the values and frames of the plant to the thread of HELICS.
     given: Option<Sender<PlantOutput>>,
@@ -79,9 +81,13 @@ impl Simulators for HelicsSimulators {
     fn leave(&mut self) {
         self.given = None;
         // No message is ever sent on this channel. The channel closes when the thread ends.
-        if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
-            library::end_without_it();
-        }
+        let _ = self.has_left.recv_timeout(self.joining.farewell());
+    }
+}
+
+impl Drop for HelicsSimulators {
+    fn drop(&mut self) {
+        library::end_without_it();
     }
 }
 

@@ -640,6 +640,31 @@ def restarted(program, browser):
         emulator.stop()
 
 
+def frozen(program, browser):
+    """A page that the browser has frozen shows the present state when it continues."""
+    emulator = Emulator(program, "--clock", "stepped")
+    try:
+        page = Page(browser)
+        page.open("about:blank")
+        page.open(emulator.address)
+        shows = lambda time: page.until(f"document.querySelector('#clock .time')?.textContent === '{time} s'")
+        shows("0.000000")
+        other = browser.ask("Target.createTarget", url="about:blank")["targetId"]
+        browser.ask("Target.activateTarget", targetId=other)
+        page.until("document.hidden")
+        browser.ask("Page.setWebLifecycleState", state="frozen")
+        emulator.run("step", "1ms")
+        browser.ask("Page.setWebLifecycleState", state="active")
+        browser.ask("Page.bringToFront")
+        browser.ask("Target.closeTarget", targetId=other)
+        shows("0.001000")
+        emulator.run("step", "1ms")
+        shows("0.002000")
+        assert not (wrong := page.complaints()), wrong
+    finally:
+        emulator.stop()
+
+
 def debugging(program, browser, given):
     """The faulty program of the debugging page, found on the page alone."""
     emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")), "--clock", "stepped", "--record", "node2")
@@ -684,6 +709,7 @@ def main():
             emulator.stop()
         read_only(program, browser)
         restarted(program, browser)
+        frozen(program, browser)
         real_time(program, browser)
         debugging(program, browser, given)
         if given.load:

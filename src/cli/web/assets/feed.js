@@ -51,10 +51,8 @@ class Feed {
 
   /** Deletes all data, for another instance. */
   reset() {
-    this.#source?.close();
+    this.#close();
     Object.assign(this, { clock: null, latest: {}, changes: [], hasEnded: false });
-    this.#source = null;
-    this.#path = "";
     this.values.clear();
     setNotice("stream", "");
     setNotice("lost", "");
@@ -209,9 +207,7 @@ class Feed {
   }
   _ended({ reason, complete = true }) {
     this.hasEnded = true;
-    this.#source?.close();
-    this.#source = null;
-    this.#path = "";
+    this.#close();
     setNotice("stream", `The emulator has ended: ${reason}${complete ? "" : ". Its last changes and records may be missing"}`, "bad", ["Try again", () => this.#again()]);
   }
 
@@ -235,19 +231,25 @@ class Feed {
     setTimeout(() => this.#connect(), 1_500);
   }
 
-  /** Closes the stream while the page is hidden, because browsers allow only six connections to a server. */
+  #close() {
+    this.#source?.close();
+    this.#source = null;
+    this.#path = "";
+  }
+
+  /**
+   * Closes the stream while the page is hidden, because browsers allow only six connections to a server, and when the browser freezes
+   * the page: a stream does not continue after that.
+   */
   watchVisibility() {
     let timer;
     document.addEventListener("visibilitychange", () => {
       clearTimeout(timer);
       if (!document.hidden) return this.#connect();
-      timer = setTimeout(() => {
-        if (this.keepsOpen) return;
-        this.#source?.close();
-        this.#source = null;
-        this.#path = "";
-      }, 30_000);
+      timer = setTimeout(() => this.keepsOpen || this.#close(), 30_000);
     });
+    document.addEventListener("freeze", () => this.#close());
+    document.addEventListener("resume", () => this.#connect());
   }
 }
 
