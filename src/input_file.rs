@@ -22,6 +22,9 @@ pub(crate) const LONGEST_PLANT: u64 = 8 << 20;
 /// or of cases in a `switch`.
 pub(crate) const LONGEST_SCRIPT: u64 = 64 << 10;
 
+/// Maximum length of a file that describes an exchange with other simulators. Sufficient for 20,000 values with keys.
+pub(crate) const LONGEST_EXCHANGE: u64 = 1 << 20;
+
 /// True if the process reads its commands from the standard input, so that it cannot be an input file.
 static IS_TAKEN: AtomicBool = AtomicBool::new(false);
 

@@ -356,6 +356,7 @@ fn remove_unfinished(instance: &str) {
         if let Ok(root) = channel_root(instance) {
             let _ = crate::channel::remove_remains(instance, &root);
         }
+        Directory::remove_unfinished();
         InstanceLock::remove_unfinished(instance);
     }
 }

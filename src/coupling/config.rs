@@ -82,7 +82,7 @@ impl CouplingConfig {
     /// [`CouplingError::File`].
     pub fn load(path: &Path) -> Result<Self, CouplingError> {
         let file = path.display().to_string();
-        let text = input_file::read(path, input_file::LONGEST)
+        let text = input_file::read(path, input_file::LONGEST_EXCHANGE)
             .map_err(|reason| CouplingError::File { file: file.clone(), what: reason.to_string() })?;
         Self::parse(&file, &text)
     }

@@ -1,10 +1,10 @@
 //! Looks up the names of the file in a plant.
 
 use super::{CouplingConfig, CouplingError, ValueEntry};
-use crate::fmi::{Causality, Quantity, Variable, VariableType, named};
+use crate::fmi::{Causality, Quantity, Variable, VariableFinder, VariableType};
 use crate::identity::BusIndex;
 use crate::plant::Plant;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// All values and frames that the plant exchanges with other simulators.
 #[derive(Clone, Debug)]
@@ -60,9 +60,10 @@ pub struct Endpoint {
 impl Interface {
     pub(super) fn of(config: &CouplingConfig, plant: &Plant) -> Result<Self, CouplingError> {
         let CouplingConfig { name, publish, subscribe, buses, .. } = config;
+        let mut finder = VariableFinder::of(plant);
         let mut publications = Vec::new();
         for it in publish {
-            let found = look_up(plant, it)?;
+            let found = look_up(&mut finder, it)?;
             if it.key.is_some() && found.len() > 1 {
                 let why = "several values cannot have one key; leave it out, or name one of them".to_owned();
                 return Err(CouplingError::Unfit { name: it.value.clone(), why });
@@ -73,22 +74,19 @@ impl Interface {
                 Publication { key, kind, unit, quantity }
             }));
         }
-        let (mut subscriptions, mut values) = (Vec::new(), BTreeSet::new());
+        let mut subscriptions = Vec::new();
         for it in subscribe {
-            // Each search for a register takes long.
-            if !values.insert(&it.value) {
-                return Err(two_subscriptions(&it.value));
-            }
-            subscriptions.push(subscription(plant, name, it)?);
+            subscriptions.push(subscription(&mut finder, name, it)?);
         }
         let known: Vec<&str> = plant.bus_names().collect();
+        let numbers: HashMap<&str, usize> =
+            known.iter().enumerate().map(|(bus, name)| (*name, bus)).collect();
         let mut endpoints = Vec::new();
         for it in buses {
-            let bus =
-                known.iter().position(|known| *known == it.name).ok_or_else(|| CouplingError::Unfit {
-                    name: it.name.clone(),
-                    why: format!("there is no such bus; the buses are: {}", known.join(", ")),
-                })?;
+            let bus = numbers.get(&*it.name).copied().ok_or_else(|| CouplingError::Unfit {
+                name: it.name.clone(),
+                why: format!("there is no such bus; the buses are: {}", known.join(", ")),
+            })?;
             let bus = BusIndex::at(bus);
             if !plant.is_can(bus) {
                 let kind = plant.buses().get(bus.index()).map_or("", |bus| bus.family());
@@ -112,24 +110,24 @@ impl Interface {
         }
         let mut taken = BTreeSet::new();
         if let Some(twice) = subscriptions.iter().find(|it| !taken.insert(&it.name)) {
-            return Err(two_subscriptions(&twice.name));
+            let why = "it has two subscriptions; remove one of them".to_owned();
+            return Err(CouplingError::Unfit { name: twice.name.clone(), why });
         }
         Ok(Interface { name: name.clone(), publications, subscriptions, endpoints })
     }
 }
 
-fn two_subscriptions(name: &str) -> CouplingError {
-    let why = "it has two subscriptions; remove one of them".to_owned();
-    CouplingError::Unfit { name: name.to_owned(), why }
+fn look_up(finder: &mut VariableFinder<'_>, it: &ValueEntry) -> Result<Vec<Variable>, CouplingError> {
+    finder.find(&it.value).map_err(|why| CouplingError::Unknown { name: it.value.clone(), why })
 }
 
-fn look_up(plant: &Plant, it: &ValueEntry) -> Result<Vec<Variable>, CouplingError> {
-    named(plant, &it.value).map_err(|why| CouplingError::Unknown { name: it.value.clone(), why })
-}
-
-fn subscription(plant: &Plant, plant_name: &str, it: &ValueEntry) -> Result<Subscription, CouplingError> {
+fn subscription(
+    finder: &mut VariableFinder<'_>,
+    plant_name: &str,
+    it: &ValueEntry,
+) -> Result<Subscription, CouplingError> {
     let unfit = |why: &str| CouplingError::Unfit { name: it.value.clone(), why: why.to_owned() };
-    let mut found = look_up(plant, it)?;
+    let mut found = look_up(finder, it)?;
     let (Some(one), true) = (found.pop(), found.is_empty()) else {
         return Err(unfit("it names several values; subscribe to each with a separate key"));
     };

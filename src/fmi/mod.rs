@@ -21,7 +21,7 @@ pub use archive::{ArchiveError, LIBRARY, archive, is_library};
 #[cfg(feature = "studio")]
 pub use description::description;
 #[cfg(feature = "channel")]
-pub(crate) use named::named;
+pub(crate) use named::VariableFinder;
 pub use resources::{Resources, ResourcesError};
 pub use unit::{Unit, UnitError, UnitState};
 #[cfg(feature = "channel")]

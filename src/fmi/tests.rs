@@ -4,6 +4,8 @@ use super::unit::FORMAT;
 use super::*;
 use crate::devices::samples::copy_folder;
 use crate::format_samples::{sample, samples, with_header};
+#[cfg(feature = "channel")]
+use crate::plant::PlantConfig;
 use crate::snapshot_fields::{seal, unseal};
 use core::f64::consts::TAU;
 use proptest::prelude::*;
@@ -261,4 +263,65 @@ proptest! {
             unit.step(unit.time_s(), 0.003).unwrap();
         }
     }
+}
+
+/// A finder returns the variables that a unit with the same name has.
+#[cfg(feature = "channel")]
+#[test]
+fn a_finder_agrees_with_the_variables_of_a_unit() {
+    let toml = "[[plc]]\nname = 'a'\nnode1 = 'x'\nnode2 = 'y'\n[[plc]]\nname = 'b'\n[[plc]]\nname = 'c'\nnode2 = 'z'\n\
+                [[bus]]\nname = 'x'\n[[bus]]\nname = 'y'\n[[bus]]\nname = 'z'\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n";
+    let built_in = unit(&["node2.w_*"]);
+    let several = PlantConfig::parse("plant", toml).unwrap();
+    let several = crate::request::testing::TestHost::of(&several, true);
+    for plant in [built_in.plant(), &several.plant] {
+        let all = variables::variables(plant, &[]).unwrap();
+        let known = all.iter().filter(|it| matches!(it.quantity, Quantity::Register { .. }));
+        let mut names: Vec<String> = known.map(|it| it.name.trim_end_matches(".out").to_owned()).collect();
+        let arrays: Vec<String> =
+            names.iter().filter_map(|it| it.split_once('[')).map(|(array, _)| array.to_owned()).collect();
+        names.extend(arrays);
+        names.sort();
+        names.dedup();
+        // The unit looks at all registers for each name.
+        names = names.into_iter().step_by(97).collect();
+        let more = [
+            "*",
+            "node2",
+            "node1.*",
+            "c:*STATUS*",
+            "%MW3.200000",
+            "w_CPU_CONTROL",
+            "node2.a_RD_BMARRAY[3]",
+            "node2.a_RD_BMARRAY[0..3][*]",
+            "b:node1",
+            "_CTRL_MA.w_CPU_CONTROL",
+            "_CTRL_SL.w_CPU_CONTROL",
+            "node9",
+            "node2.none",
+            "none:node2",
+            "node2.a_RD_BMARRAY[99][0]",
+            "%MB3.200001",
+            "option1",
+            "",
+        ];
+        names.extend(more.map(str::to_owned));
+        let mut finder = VariableFinder::of(plant);
+        for name in names {
+            let wanted = variables::variables(plant, core::slice::from_ref(&name)).map(|all| {
+                let registers = all.into_iter().filter(|it| matches!(it.quantity, Quantity::Register { .. }));
+                let settable =
+                    registers.filter(|it| !(it.causality == Causality::Output && it.name.ends_with(".out")));
+                settable.map(|it| format!("{it:?}")).collect::<Vec<_>>()
+            });
+            let found = finder.find(&name);
+            let found = found.map(|all| all.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>());
+            assert_eq!(found, wanted, "{name}");
+        }
+    }
+    let mut finder = VariableFinder::of(&several.plant);
+    let speed = finder.find("d.speed_modelled").unwrap();
+    assert_eq!((speed.len(), &*speed[0].name), (1, "d.speed_modelled"));
+    let unknown = finder.find("d.none").unwrap_err();
+    assert!(matches!(&unknown, VariablesError::UnknownOfDrive { drive, .. } if drive == "d"), "{unknown}");
 }

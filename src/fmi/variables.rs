@@ -157,9 +157,27 @@ pub enum VariablesError {
         /// Names of all values of the drive, separated by commas.
         known: String,
     },
+    /// There are too many variables.
+    #[error("more than {most} values; select fewer of them")]
+    TooMany {
+        /// Maximum number of values.
+        most: usize,
+    },
+    /// The search for the variables would take too long.
+    #[error(
+        "the search for this name and the names before it would take too long; write fewer patterns, and the PLC before \
+         each of them"
+    )]
+    TooLong,
     /// Two variables have the same name.
     #[error("two variables are called '{0}'; give the drive another name")]
     Twice(String),
+}
+
+impl VariablesError {
+    pub(super) fn unknown_plc(plc: &str, known: &[String]) -> Self {
+        VariablesError::UnknownPlc { plc: plc.to_owned(), known: known.join(", ") }
+    }
 }
 
 /// Returns the variables of a plant that has its buses, devices and drives already. The position of a variable in the
@@ -174,7 +192,7 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
         unit: "s",
         quantity: Quantity::Time,
     }];
-    all.extend(of_registers(plant, &Wanted::of(plant, patterns)?)?);
+    all.extend(of_registers(plant, &Wanted::of(plant, patterns)?));
     for (number, drive) in plant.drives().iter().enumerate() {
         all.extend(of_drive(number, &drive.name));
     }
@@ -185,27 +203,31 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
     }
 }
 
-pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variable>, VariablesError> {
+fn of_registers(plant: &Plant, wanted: &Wanted) -> Vec<Variable> {
     let (plcs, mut all) = (plant.names(), Vec::new());
     for (plc, fitted) in DeviceIndex::enumerate(&plcs.devices) {
         let prefix = plc_prefix(&plcs.plcs, plc);
-        let areas = fitted.device().areas.iter().filter(|area| fitted.area(area) != Fit::Empty);
-        for area in areas.filter(|area| !area.structures.is_empty()) {
-            for register in fitted.registers(area.name)? {
-                if !register.is_reserved() && wanted.has(plc, &register) {
-                    all.extend(of_register(plant, plc, &prefix, &register));
-                }
-            }
-        }
+        let registers = registers_of(fitted);
+        let wanted = registers.iter().filter(|register| wanted.has(plc, register));
+        all.extend(wanted.flat_map(|register| of_register(plant, plc, &prefix, register)));
     }
-    Ok(all)
+    all
+}
+
+/// Returns the registers of a device that can be variables, area by area in address order.
+pub(super) fn registers_of(fitted: &DeviceFit) -> Vec<RegisterRef> {
+    let areas = fitted.device().areas.iter().filter(|area| fitted.area(area) != Fit::Empty);
+    // The name of an area with structures has registers.
+    let all =
+        areas.filter(|area| !area.structures.is_empty()).filter_map(|area| fitted.registers(area.name).ok());
+    all.flatten().filter(|register| !register.is_reserved()).collect()
 }
 
 /// The requested registers; `None` for all.
-pub(super) struct Wanted(Option<BTreeSet<(DeviceIndex, u32, &'static str)>>);
+struct Wanted(Option<BTreeSet<(DeviceIndex, u32, &'static str)>>);
 
 impl Wanted {
-    pub(super) fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
+    fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
         if patterns.is_empty() {
             return Ok(Self(None));
         }
@@ -214,8 +236,7 @@ impl Wanted {
         for pattern in patterns {
             let (plc, name) = split_plc(pattern);
             if let Some(unknown) = plc.filter(|plc| !plcs.plcs.iter().any(|known| known == plc)) {
-                let (plc, known) = (unknown.to_owned(), plcs.plcs.join(", "));
-                return Err(VariablesError::UnknownPlc { plc, known });
+                return Err(VariablesError::unknown_plc(unknown, &plcs.plcs));
             }
             let meant =
                 DeviceIndex::enumerate(&plcs.plcs).filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
@@ -243,7 +264,7 @@ impl Wanted {
 }
 
 /// Returns the registers that a name, an area, a pattern or an address covers.
-fn registers(fitted: &DeviceFit, name: &str) -> Result<Vec<RegisterRef>, VariablesError> {
+pub(super) fn registers(fitted: &DeviceFit, name: &str) -> Result<Vec<RegisterRef>, VariablesError> {
     if !name.starts_with('%') {
         return Ok(fitted.registers(name)?);
     }
@@ -257,7 +278,12 @@ fn registers(fitted: &DeviceFit, name: &str) -> Result<Vec<RegisterRef>, Variabl
     Ok(whole)
 }
 
-fn of_register(plant: &Plant, plc: DeviceIndex, prefix: &str, register: &RegisterRef) -> Vec<Variable> {
+pub(super) fn of_register(
+    plant: &Plant,
+    plc: DeviceIndex,
+    prefix: &str,
+    register: &RegisterRef,
+) -> Vec<Variable> {
     let (ty, owner) = (register.ty(), register.owner());
     let width = Width::of(ty);
     let value = plant.load(plc, register.offset(), width).unwrap_or_default();

@@ -17,6 +17,7 @@ use super::object::Object;
 use super::space::{Retain, Space};
 use crate::identity::PortNumber;
 use core::fmt;
+use core::hash::{Hash, Hasher};
 use core::ops::RangeInclusive;
 
 /// A device: its areas and their content.
@@ -63,6 +64,12 @@ impl PartialEq for DeviceLayout {
 }
 
 impl Eq for DeviceLayout {}
+
+impl Hash for DeviceLayout {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (self.name, self.layout_hash).hash(state);
+    }
+}
 
 impl DeviceLayout {
     /// A device about which nothing is known. It has no areas, so that no register has a name.

@@ -9,7 +9,7 @@ use crate::identity::PortNumber;
 pub(crate) const MOST_PORTS: usize = 15;
 
 /// The known facts about a port.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Fit {
     /// The options are not known: the port may have any role that the layout allows.
     #[default]
@@ -44,7 +44,7 @@ impl Fit {
 
 /// A device, and the known facts about its ports. Names and widths of registers depend on the device and on these
 /// facts: in a modular PLC, the module in a slot decides which registers the slot has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct DeviceFit {
     device: &'static DeviceLayout,
     /// Options of the ports, in the order of the device's ports.

@@ -90,6 +90,33 @@ impl Area {
     pub fn registers_of(&'static self, placed: &'static AreaStructure) -> Registers {
         Registers::new(self, placed)
     }
+
+    /// Returns the registers of a structure of this area that have a descriptor with `has`, in address order. Skips arrays
+    /// without such a descriptor as a whole.
+    pub(super) fn registers_with(
+        &'static self,
+        placed: &'static AreaStructure,
+        has: impl Fn(&Register) -> bool,
+    ) -> impl Iterator<Item = RegisterRef> {
+        let structure = placed.structure;
+        let all = structure.registers;
+        let run_from = move |start| Some(start..run_end(structure, start)).filter(|run| !run.is_empty());
+        let mut wanted = Vec::new();
+        let mut next = run_from(0);
+        while let Some(run) = next {
+            next = run_from(run.end);
+            if all.get(run.clone()).is_some_and(|run| run.iter().any(&has)) {
+                wanted.push(run);
+            }
+        }
+        let elements = wanted.into_iter().flat_map(move |run| {
+            let start = run.start;
+            let mut rest =
+                Registers { run: start, run_end: run.end, next: start, ..Registers::new(self, placed) };
+            core::iter::from_fn(move || if rest.run == start { rest.next() } else { None })
+        });
+        elements.filter(move |found| has(found.register))
+    }
 }
 
 #[cfg(test)]

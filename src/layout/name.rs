@@ -174,7 +174,7 @@ impl DeviceFit {
         if !name.contains('.')
             && let Ok(block) = self.block(name)
         {
-            return Ok(block.by_address(|_| true));
+            return Ok(block.by_address(|_| true, |_| true));
         }
         match Split::of(self, name)? {
             Split::Block(block, path) => self.all_named(&block, path, name),
@@ -188,7 +188,7 @@ impl DeviceFit {
         area: &'static Area,
         wanted: impl Fn(&RegisterRef) -> bool,
     ) -> Vec<RegisterRef> {
-        Block { area, fit: self.area(area), only: None }.by_address(wanted)
+        Block { area, fit: self.area(area), only: None }.by_address(|_| true, wanted)
     }
 
     /// Returns all registers of a block that `path` covers.
@@ -201,10 +201,12 @@ impl DeviceFit {
         };
         if parsed.group.is_none() {
             let NamePart { name: wanted, index } = &parsed.register;
-            let all = block.by_address(|found| {
-                let Register { group, name, group_dims, .. } = found.register;
-                group == wanted && matches(index, &found.index[..*group_dims])
-                    || group.is_empty() && name == wanted && index.is_empty()
+            let is_meant = |Register { group, name, .. }: &Register| {
+                group == wanted || group.is_empty() && name == wanted && index.is_empty()
+            };
+            let all = block.by_address(is_meant, |found| {
+                let Register { group, group_dims, .. } = found.register;
+                group != wanted || matches(index, &found.index[..*group_dims])
             });
             if !all.is_empty() {
                 return Ok(all);
@@ -226,12 +228,15 @@ impl DeviceFit {
         if !matches!(one, Err(LayoutError::IndexCount { .. } | LayoutError::Ambiguous { .. })) {
             return one.map(|one| vec![one]);
         }
-        let all = block.by_address(|found| {
-            let Register { group_dims, dims, .. } = found.register;
-            let (group, own) = found.index[..dims.len()].split_at(*group_dims);
-            let group_index = parsed.group.as_ref().map_or(&[][..], |group| &group.index);
-            parsed.is(found.register) && matches(group_index, group) && matches(&parsed.register.index, own)
-        });
+        let all = block.by_address(
+            |register| parsed.is(register),
+            |found| {
+                let Register { group_dims, dims, .. } = found.register;
+                let (group, own) = found.index[..dims.len()].split_at(*group_dims);
+                let group_index = parsed.group.as_ref().map_or(&[][..], |group| &group.index);
+                matches(group_index, group) && matches(&parsed.register.index, own)
+            },
+        );
         if all.is_empty() { one.map(|one| vec![one]) } else { Ok(all) }
     }
 
@@ -321,10 +326,14 @@ impl Block {
         named.filter(|placed| self.fit == Fit::Empty || self.fit.has(placed.role))
     }
 
-    /// Returns the registers that `wanted` accepts, each once, in ascending order.
-    fn by_address(&self, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
+    /// Returns the registers that `wanted` accepts, and that have a descriptor with `has`, each once, in ascending order.
+    fn by_address(
+        &self,
+        has: impl Fn(&Register) -> bool,
+        wanted: impl Fn(&RegisterRef) -> bool,
+    ) -> Vec<RegisterRef> {
         let role = self.fit.role();
-        let all = self.placed().flat_map(|placed| self.area.registers_of(placed));
+        let all = self.placed().flat_map(|placed| self.area.registers_with(placed, &has));
         let mut all: Vec<_> = all.map(|found| RegisterRef { role, ..found }).filter(wanted).collect();
         all.sort_by_key(RegisterRef::offset);
         let mut kept: Vec<RegisterRef> = Vec::with_capacity(all.len());

@@ -431,13 +431,16 @@ fn a_signal_during_a_long_start_leaves_no_files() {
     let plant = place.path().join("plant.toml");
     let device = |number| format!("[[device]]\nkind = \"./slow\"\nname = \"p{number}\"\n");
     fs::write(&plant, (1..=14).map(device).collect::<String>()).unwrap();
-    for way in ["-TERM", "-INT", "-HUP", "stop"] {
+    let (new, empty) = (place.path().join("new"), place.path().join("empty"));
+    fs::create_dir(&empty).unwrap();
+    let directories = [new.join("inner"), empty.clone()];
+    for (way, novram) in ["-TERM", "-INT", "-HUP", "stop"].into_iter().zip(directories.iter().cycle()) {
         let name = unique_name();
         let mut command = commram();
-        command.args(["run", "--clock", "stepped", "-i", &name]).arg(&plant);
+        command.args(["run", "--clock", "stepped", "-i", &name]).arg(&plant).arg("--novram").arg(novram);
         let mut emulator = spawn(command);
         let image = PathBuf::from(format!("/dev/shm/commram.{name}.p1"));
-        assert!(eventually(|| image.exists()));
+        assert!(eventually(|| image.exists() && novram.join(".lock").exists()));
         match way {
             "stop" => {
                 let outcome = run(&["stop", "-i", &name]);
@@ -450,6 +453,8 @@ fn a_signal_during_a_long_start_leaves_no_files() {
         }
         wait_for(&mut emulator, "the emulator");
         assert_eq!(files_of(&name), NOTHING, "{way}");
+        assert!(!new.exists(), "{way}");
+        assert_eq!(fs::read_dir(&empty).unwrap().count(), 0, "{way}");
     }
 }
 

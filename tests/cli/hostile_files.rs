@@ -361,3 +361,34 @@ fn snapshots_are_refused_within_the_promised_time() {
         assert!(outcome.fails(2).contains(message), "{name}: {}", outcome.err);
     }
 }
+
+/// Values of a plant with one PLC, and of a plant with many.
+#[test]
+fn exchange_files_are_accepted_or_refused_within_the_promised_time() {
+    let files = Files::new();
+    let count = 500;
+    let pair = |n| format!("[[plc]]\nname='p{n}'\nnode2='b{n}'\n[[bus]]\nname='b{n}'\n");
+    files.write("one.toml", &pair(0));
+    files.write("many.toml", &(0..count).map(pair).collect::<String>());
+    let entries = |bytes: usize, value: &dyn Fn(usize) -> String| {
+        let item = |n: usize| format!("{{value='{}',key='k{n}'}},", value(n));
+        filled(bytes, "period='1ms'\npublish=[", item, "]\n")
+    };
+    let all = |value: &str| format!("period='1ms'\npublish=[{{value='{value}'}}]\n");
+    let of_array = |n: usize| format!("node2.a_RD_BMARRAY[{}][{}]", n / 8 % 32, n % 8);
+    let most = MIB / PART;
+    for (name, plant, text, message) in [
+        ("names", "one.toml", entries(most, &of_array), "fine"),
+        ("patterns", "one.toml", entries(MIB, &|_| "node2.w_OPTION_S*".to_owned()), "would take too long"),
+        ("PLCs", "many.toml", entries(most, &|n| format!("p{}:node2.w_CPU_CONTROL", n % count)), "fine"),
+        ("values", "many.toml", all("*"), "more than 100000 values"),
+        ("nothing", "many.toml", all("node2.w_CPU_CONTROLS"), "has no register `w_CPU_CONTROLS`"),
+        ("long", "one.toml", entries(MIB + 100, &of_array), "longer than 1 MiB"),
+    ] {
+        files.write("exchange.toml", &text);
+        let outcome =
+            files.run(&["run", "--check", plant, "--clock", "stepped", "--exchange", "exchange.toml"]);
+        let said = format!("{}{}", outcome.out, outcome.err);
+        assert!(said.contains(message), "{name}: {}", &said[..said.len().min(600)]);
+    }
+}

@@ -139,3 +139,25 @@ fn devices_without_novram_get_no_file() {
     let emulator = Emulator::start(&arguments);
     assert_eq!(emulator.peek(&["omega:ethernet_config.d_ROUTER"]), "16#4E6F5F52");
 }
+
+/// A start that is refused removes what it has made, and nothing else.
+#[test]
+fn a_refused_start_leaves_the_novram_directory_as_it_was() {
+    let place = tempfile::tempdir().unwrap();
+    let (new, empty, used) =
+        (place.path().join("new"), place.path().join("empty"), place.path().join("used"));
+    std::fs::create_dir(&empty).unwrap();
+    std::fs::create_dir(&used).unwrap();
+    std::fs::write(used.join("line.novram.bad-1"), "").unwrap();
+    for novram in [new.join("inner"), empty.clone(), used.clone()] {
+        let name = unique_name();
+        let path = novram.to_str().unwrap();
+        let refused =
+            run(&["run", "--clock", "stepped", "-i", &name, "--novram", path, "--record", "node2.none"]);
+        assert!(refused.fails(2).contains("none"), "{}", refused.err);
+        assert!(files_of(&name).is_empty());
+    }
+    assert!(!new.exists());
+    assert_eq!(std::fs::read_dir(&empty).unwrap().count(), 0);
+    assert!(used.join("line.novram.bad-1").exists());
+}

@@ -118,6 +118,13 @@ fn several_operations_are_one_request() {
     let problem = server.post(&server.path("request"), &json!({ "operations": operations })).problem(400);
     assert_eq!(problem["index"], 1);
     assert_eq!(problem["replies"].as_array().unwrap().len(), 1, "{problem}");
+    let operations = json!([{"time": {}}, {"forces": null}, {"fault_clear": {}}, "findings"]);
+    let replies = server.post(&server.path("request"), &json!({ "operations": operations })).ok();
+    assert_eq!(replies["replies"].as_array().unwrap().len(), 4, "{replies}");
+    let operations = json!(["time", {"time": {"us": 1}}]);
+    let problem = server.post(&server.path("request"), &json!({ "operations": operations })).problem(400);
+    let detail = "operation 1: time: it has no fields, so no `us`";
+    assert_eq!((&problem["index"], &problem["detail"]), (&json!(1), &json!(detail)));
     let too_many = json!({"operations": vec!["time"; 257]});
     server.post(&server.path("request"), &too_many).problem(400);
 }

@@ -190,6 +190,11 @@ fn actions_that_no_scenario_repeats_are_named() {
         (json!({"time_us": 0, "expect": {"register": "node2.w_CPU_CONTROL", "value": "x"}}), "x"),
         (json!({"time_us": 0}), "exactly one"),
         (
+            json!({"time_us": 0, "operation": {"clear_findings": {"id": 1}}}),
+            "clear_findings: it has no fields",
+        ),
+        (json!({"time_us": 0, "operation": 5}), "5 is no operation: write its name"),
+        (
             json!({"time_us": 0, "register": "node2.b_BT_0", "operation":
             {"poke": {"plc": 0, "offset": 200_000, "width": "Word", "value": 1}}}),
             "is not the register",
@@ -204,6 +209,11 @@ fn actions_that_no_scenario_repeats_are_named() {
     let pokes: Vec<_> = (0..2500).map(|at| json!({"time_us": at, "operation": poke(at)})).collect();
     let problem = server.post(&path, &json!({"actions": pokes})).problem(400);
     assert!(problem["detail"].as_str().unwrap().contains("reads at most 65536"), "{problem}");
+    for operation in [json!("clear_findings"), json!({"clear_findings": {}})] {
+        let actions = json!([{"time_us": 0, "operation": operation}]);
+        let answer = server.post(&path, &json!({"actions": actions})).ok();
+        assert_eq!(answer, json!({"scenario": "clear_findings();\n"}));
+    }
     let real_time = Emulator::start(&[]);
     let server = Server::of(&real_time, &[]);
     let body = |plant: Value| json!({"actions": [], "plant": plant});

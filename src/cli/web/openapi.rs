@@ -57,17 +57,41 @@ fn path_item(operation: &Operation) -> Value {
         "responses": responses(json!({"$ref": format!("#/components/schemas/{}", reply_name(&operation.reply))})),
     });
     if !is_get {
-        let fields: Map<String, Value> = operation
-            .fields
-            .iter()
-            .map(|field| (field.name.to_owned(), described(&field.schema, &field.text)))
-            .collect();
-        let required: Vec<_> =
-            operation.fields.iter().filter(|field| !is_optional(&field.schema)).map(|it| it.name).collect();
-        let body = json!({"type": "object", "properties": fields, "required": required, "additionalProperties": false});
-        item["requestBody"] = json_body(body);
+        item["requestBody"] = json_body(fields_of(operation));
     }
     item
+}
+
+/// Returns the schema of an object with the fields of an operation.
+fn fields_of(operation: &Operation) -> Value {
+    let fields: Map<String, Value> = operation
+        .fields
+        .iter()
+        .map(|field| (field.name.to_owned(), described(&field.schema, &field.text)))
+        .collect();
+    json!({
+        "type": "object", "properties": fields, "required": required(operation), "additionalProperties": false,
+    })
+}
+
+/// Returns the names of the fields that a request must have.
+fn required(operation: &Operation) -> Vec<&'static str> {
+    operation.fields.iter().filter(|field| !is_optional(&field.schema)).map(|it| it.name).collect()
+}
+
+/// Returns the schema of an operation in a list.
+fn operation_in_list() -> Value {
+    let table = table();
+    let without_fields: Vec<_> =
+        table.iter().filter(|it| required(it).is_empty()).map(|it| it.name).collect();
+    let all: Map<String, Value> = table.iter().map(|it| (it.name.to_owned(), fields_of(it))).collect();
+    json!({
+        "description": "An operation: its name, if it needs no fields, or an object with its name and its fields.",
+        "anyOf": [
+            {"type": "string", "enum": without_fields},
+            {"type": "object", "properties": all, "minProperties": 1, "maxProperties": 1, "additionalProperties": false},
+        ],
+    })
 }
 
 /// Returns the first sentence of a text.
@@ -166,7 +190,7 @@ fn request() -> Value {
             "properties": {"operations": {
                 "type": "array",
                 "maxItems": MAX_OPS,
-                "items": {"description": "An operation: its name, or an object with its name and its fields."},
+                "items": {"$ref": "#/components/schemas/Operation"},
             }},
             "required": ["operations"],
         })),
@@ -182,7 +206,7 @@ fn scenario() -> Value {
         "properties": {
             "time_us": {"type": "integer", "description": "Emulated time of its begin."},
             "end_us": {"type": "integer", "description": "Emulated time of its end, if it moved the clock."},
-            "operation": {"description": "The operation, as in a request."},
+            "operation": {"$ref": "#/components/schemas/Operation"},
             "register": {"type": "string", "description": "Name of the operation's register."},
             "expect": {"type": "object", "description": "`register` and `value`, or `no_findings`."},
             "section": {"type": "string"},
@@ -223,6 +247,7 @@ fn schemas() -> Map<String, Value> {
         .iter()
         .map(|answer| (reply_name(answer.name), described(&reply(answer), &answer.text)))
         .collect();
+    schemas.insert("Operation".to_owned(), operation_in_list());
     schemas.insert("Problem".to_owned(), problem());
     schemas
 }
@@ -268,6 +293,7 @@ mod tests {
     #[test]
     fn every_operation_of_the_table_is_described() {
         let paths = DOCUMENT["paths"].as_object().unwrap();
+        let in_list = &DOCUMENT["components"]["schemas"]["Operation"]["anyOf"];
         for operation in table() {
             let item = &paths[&format!("/api/v1/instances/{{instance}}/{}", operation.name)];
             let by = operations::method(&operation).as_str().to_lowercase();
@@ -276,6 +302,9 @@ mod tests {
                 .unwrap();
             let name = reply.rsplit('/').next().unwrap();
             assert!(DOCUMENT["components"]["schemas"][name].is_object(), "{reply}");
+            assert!(in_list[1]["properties"][operation.name].is_object(), "{}", operation.name);
+            let is_name = in_list[0]["enum"].as_array().unwrap().contains(&json!(operation.name));
+            assert_eq!(is_name, operations::of_form(json!(operation.name)).is_ok(), "{}", operation.name);
         }
     }
 }

@@ -47,6 +47,32 @@ pub(super) fn with_fields(operation: &Operation, fields: Map<String, Value>) -> 
     serde_json::from_value(form).map_err(|reason| Problem::wrong_use(format!("{name}: {reason}")))
 }
 
+/// Builds an operation from its form in a list of operations: its name, or an object with its name and its fields.
+///
+/// # Errors
+/// The form is not one of these, there is no such operation, or a field is missing, unknown or out of its range.
+pub(super) fn of_form(form: Value) -> Result<Op, Problem> {
+    let wrong = |form: &Value| {
+        Problem::wrong_use(format!(
+            "{form} is no operation: write its name, \"time\", or an object with its name and its fields, \
+             {{\"advance\":{{\"us\":1000}}}}"
+        ))
+    };
+    let (name, fields) = match form {
+        Value::String(name) => (name, Value::Null),
+        Value::Object(form) if form.len() == 1 => form.into_iter().next().unwrap_or_default(),
+        other => return Err(wrong(&other)),
+    };
+    let Some(operation) = find(&name) else {
+        return Err(Problem::wrong_use(format!("there is no operation `{name}`")));
+    };
+    match fields {
+        Value::Null => with_fields(operation, Map::new()),
+        Value::Object(fields) => with_fields(operation, fields),
+        other => Err(wrong(&json!({ name: other }))),
+    }
+}
+
 fn unknown_field(operation: &Operation, name: &str) -> String {
     let known: Vec<_> = operation.fields.iter().map(|field| format!("`{}`", field.name)).collect();
     match &known[..] {
@@ -233,6 +259,32 @@ mod tests {
         let unknown = parsed("advance", json!({"us": 5, "ms": 1})).unwrap_err();
         assert_eq!(unknown, "advance: it has no field `ms`, only `us`");
         assert!(parsed("forces", json!({"us": 5})).is_err());
+    }
+
+    #[test]
+    fn a_list_has_names_and_objects_with_names_and_fields() {
+        let parsed = |form| of_form(form).map_err(|problem| problem.detail().to_owned());
+        let is_optional = |schema: &Value| schema["type"][1] == "null";
+        let need_none = |it: &&Operation| it.fields.iter().all(|field| is_optional(&field.schema));
+        for operation in TABLE.iter().filter(need_none) {
+            let op = parsed(json!(operation.name)).unwrap();
+            assert_eq!(parsed(json!({ operation.name: {} })), Ok(op), "{}", operation.name);
+            assert_eq!(parsed(json!({ operation.name: null })), Ok(op), "{}", operation.name);
+        }
+        assert_eq!(parsed(json!({"advance": {"us": 5}})), Ok(Op::Advance { us: 5 }));
+        for (form, message) in [
+            (json!({"time": {"us": 5}}), "time: it has no fields, so no `us`"),
+            (json!("advance"), "missing field `us`"),
+            (json!({"advance": {"us": -5}}), "advance: field `us` is -5, not an integer from 0"),
+            (json!("none"), "there is no operation `none`"),
+            (json!({"time": 5}), r#"{"time":5} is no operation: write its name, "time", or an object"#),
+            (json!({}), "{} is no operation"),
+            (json!({"time": {}, "info": {}}), "is no operation"),
+            (json!(["time"]), r#"["time"] is no operation"#),
+        ] {
+            let refused = parsed(form).unwrap_err();
+            assert!(refused.contains(message), "{refused}");
+        }
     }
 
     #[test]

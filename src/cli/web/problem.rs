@@ -57,6 +57,12 @@ impl Problem {
         self
     }
 
+    /// Names the element of a list to which the problem belongs: its index, from 0.
+    pub(super) fn in_list(mut self, what: &str, index: usize) -> Self {
+        self.detail = format!("{what} {index}: {}", self.detail);
+        self.with("index", index)
+    }
+
     /// Returns the emulator refused an operation.
     pub(super) fn refused(refused: &Refused) -> Self {
         let error = CliError::Client(ClientError::Refused(refused.clone()));

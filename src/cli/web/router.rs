@@ -148,8 +148,13 @@ async fn request(
     let session = app.guard.session_of(request.headers());
     let mut fields = body_of(request).await?;
     let form = fields.remove("operations").unwrap_or_default();
-    let ops: Vec<crate::request::Op> = serde_json::from_value(form)
-        .map_err(|reason| Problem::wrong_use(format!("`operations` is no list of operations: {reason}")))?;
+    let Value::Array(forms) = form else {
+        return Err(Problem::wrong_use(format!("`operations` is {form}, not a list of operations")));
+    };
+    let ops = forms.into_iter().enumerate().map(|(index, form)| {
+        operations::of_form(form).map_err(|problem| problem.in_list("operation", index))
+    });
+    let ops: Vec<_> = ops.collect::<Result<_, _>>()?;
     ops.iter().try_for_each(|op| app.check_writes(op))?;
     let links = app.hub.find(&instance)?;
     let replies = operations::execute_all(&links, session, ops)

@@ -2,10 +2,10 @@
 
 mod lines;
 
-use super::App;
 use super::link::Connection;
 use super::problem::Problem;
 use super::router::{body_of, json_response};
+use super::{App, operations};
 use crate::cli::snapshot;
 use crate::input_file::LONGEST_SCRIPT;
 use crate::plant::{PlantConfig, SnapshotFile};
@@ -30,19 +30,19 @@ struct Recording {
     #[serde(default)]
     name: String,
     /// The actions in the order in which they were done.
-    actions: Vec<Action>,
+    actions: Vec<Action<Value>>,
 }
 
 /// An action of a user, recorded for a scenario.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Action {
+struct Action<Operation = Op> {
     /// Emulated time of its start, in microseconds.
     time_us: u64,
     /// Emulated time of its end in microseconds, if the action advanced the clock or went back.
     end_us: Option<u64>,
-    /// The recorded operation, in its JSON form.
-    operation: Option<Op>,
+    /// The recorded operation; in a request its JSON form, see [`operations::of_form`].
+    operation: Option<Operation>,
     /// Name of the operation's register, if it differs from the name that the register has in the last phase of its
     /// overlaid structures.
     register: Option<String>,
@@ -50,6 +50,18 @@ struct Action {
     expect: Option<Expectation>,
     /// Title of a part of the scenario, which begins with this action.
     section: Option<String>,
+}
+
+impl Action<Value> {
+    /// Builds the operation from its JSON form.
+    ///
+    /// # Errors
+    /// The form is not that of an operation.
+    fn parse(self) -> Result<Action, Problem> {
+        let Action { time_us, end_us, operation, register, expect, section } = self;
+        let operation = operation.map(operations::of_form).transpose()?;
+        Ok(Action { time_us, end_us, operation, register, expect, section })
+    }
 }
 
 /// An expectation on a register, or on the access checker.
@@ -70,21 +82,29 @@ pub(super) async fn answer(
     request: Request,
 ) -> Result<Response, Problem> {
     let form = Value::Object(body_of(request).await?);
-    let recording: Recording = serde_json::from_value(form)
+    let mut recording: Recording = serde_json::from_value(form)
         .map_err(|reason| Problem::wrong_use(format!("this is no recording: {reason}")))?;
     if recording.actions.len() > MAX_ACTIONS {
         return Err(Problem::wrong_use(format!("a recording has at most {MAX_ACTIONS} actions")));
     }
+    let actions = core::mem::take(&mut recording.actions).into_iter().enumerate();
+    let actions = actions
+        .map(|(index, action)| action.parse().map_err(|problem| problem.in_list("action", index)))
+        .collect::<Result<Vec<_>, _>>()?;
     let links = app.hub.find(&instance)?;
     // The plant is read from a snapshot; taking a snapshot changes nothing in the plant.
-    let text = links.acts.run(move |connection| scenario(connection, &recording)).await;
+    let text = links.acts.run(move |connection| scenario(connection, &recording, &actions)).await;
     let text = text.inspect_err(|problem| app.notice(&instance, problem))?;
     Ok(json_response(&json!({ "scenario": text })))
 }
 
-fn scenario(connection: &mut Connection, recording: &Recording) -> Result<String, Problem> {
+fn scenario(
+    connection: &mut Connection,
+    recording: &Recording,
+    actions: &[Action],
+) -> Result<String, Problem> {
     let (mut lines, mut conditions): (Vec<Line>, Vec<_>) = (Vec::new(), Vec::new());
-    for (index, action) in recording.actions.iter().enumerate() {
+    for (index, action) in actions.iter().enumerate() {
         let added = lines::add(&mut lines, &mut conditions, connection, action);
         added.map_err(|right| {
             Problem::wrong_use(format!("action {index} cannot be recorded: {right}")).with("index", index)

@@ -5,10 +5,11 @@ use super::NovramError;
 use crate::memory::directory;
 use rustix::fs::{FileType, Mode, Stat};
 use rustix::io::Errno;
-use std::fs::{DirBuilder, DirEntry, File};
+use std::fs::{DirBuilder, File};
 use std::io::{self, Read};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 /// Longest wait of a starting emulator for the lock. The process that holds the lock may have been killed a moment ago
@@ -26,18 +27,38 @@ const KEPT: usize = 8;
 /// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
+/// Directories of this process whose start has made something.
+static MADE: Mutex<Vec<Weak<Made>>> = Mutex::new(Vec::new());
+
 /// A directory, locked for the lifetime of this value.
 #[derive(Debug)]
 pub struct Directory {
     path: PathBuf,
-    open: directory::Directory,
+    open: Arc<directory::Directory>,
     /// The lock file; its lock is released when the file is closed.
-    lock: File,
-    /// True if this value has created the directory.
-    is_new: bool,
+    lock: Arc<File>,
+    /// What this value has made in the file system; `None` if that is nothing. It is removed again if it is unused.
+    _made: Option<Arc<Made>>,
+}
+
+/// What a start has made in the file system.
+#[derive(Debug)]
+struct Made {
+    open: Arc<directory::Directory>,
+    lock: Arc<File>,
+    /// The directory and its parents, as far as the start has created them, the innermost first.
+    directories: Vec<PathBuf>,
 }
 
 impl Directory {
+    /// Removes what the starts in this process have made and not used. Only for a process that ends at once, because its
+    /// start takes too long.
+    #[cfg(feature = "cli")]
+    pub(crate) fn remove_unfinished() {
+        let all = core::mem::take(&mut *MADE.lock().unwrap_or_else(PoisonError::into_inner));
+        all.iter().filter_map(Weak::upgrade).for_each(|made| made.remove_unused());
+    }
+
     /// Checks that only this user can write to a directory, without creating, locking or changing it. A missing
     /// directory is not an error, because [`Directory::open`] creates it.
     ///
@@ -61,22 +82,35 @@ impl Directory {
     /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
     /// other users could put files into it, [`NovramError::Io`] if it cannot be created or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
+        let missing = |path: &&Path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err();
+        let directories: Vec<_> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
+        Self::open_or_make(path, &directories).inspect_err(|_| remove_empty(&directories))
+    }
+
+    /// Opens and locks a directory. `directories` are the missing ones of the path, the innermost first.
+    fn open_or_make(path: &Path, directories: &[PathBuf]) -> Result<Self, NovramError> {
         let failed = |doing| move |source| NovramError::Io { path: path.to_owned(), doing, source };
-        let is_new = path.symlink_metadata().is_err();
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("make this directory"))?;
         let open =
             directory::Directory::open(path).map_err(|errno| failed("open this directory")(errno.into()))?;
         let stat = open.stat().map_err(|errno| failed("look at this directory")(errno.into()))?;
         let user = rustix::process::geteuid().as_raw();
         judge(path, &stat, user)?;
-        let lock = lock_file(path, &open, user)?;
+        let has_new_lock = matches!(open.stat_of(LOCK), Err(Errno::NOENT));
+        let (lock, open) = (Arc::new(lock_file(path, &open, user)?), Arc::new(open));
         let since = Instant::now();
         loop {
             match directory::writing::try_lock(&lock) {
-                Ok(true) => return Ok(Directory { path: path.to_owned(), open, lock, is_new }),
+                locked @ (Ok(true) | Err(_)) => {
+                    let (path, has_made) = (path.to_owned(), has_new_lock || !directories.is_empty());
+                    let directories = directories.to_vec();
+                    let made = Made { open: Arc::clone(&open), lock: Arc::clone(&lock), directories };
+                    let made = has_made.then(|| made.begin());
+                    locked.map_err(failed("lock this directory"))?;
+                    return Ok(Directory { path, open, lock, _made: made });
+                }
                 Ok(false) if since.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(1)),
                 Ok(false) => return Err(NovramError::InUse { path: path.to_owned() }),
-                Err(error) => return Err(failed("lock this directory")(error)),
             }
         }
     }
@@ -118,10 +152,7 @@ impl Directory {
 
     /// True if the file with this emulator's lock is still the lock file of the directory.
     fn has_lock(&self) -> bool {
-        match (rustix::fs::fstat(&self.lock), self.open.stat_of(LOCK)) {
-            (Ok(own), Ok(named)) => (own.st_dev, own.st_ino) == (named.st_dev, named.st_ino),
-            _ => false,
-        }
+        is_lock_of(&self.lock, &self.open)
     }
 
     /// Checks that a file with this content can be written, without any change.
@@ -192,16 +223,54 @@ impl Directory {
     }
 }
 
-/// A refused start leaves no files: removes a new directory without contents.
-impl Drop for Directory {
-    fn drop(&mut self) {
-        let is_lock = |entry: io::Result<DirEntry>| entry.is_ok_and(|entry| entry.file_name() == LOCK);
-        let is_unused = || std::fs::read_dir(&self.path).is_ok_and(|mut entries| entries.all(is_lock));
-        if self.is_new && self.has_lock() && is_unused() {
-            // Another emulator may have opened the lock file already. It locks the directory again before it writes.
-            let _ = self.open.remove(LOCK);
-            let _ = std::fs::remove_dir(&self.path);
+impl Made {
+    /// Keeps the value in the list for [`Directory::remove_unfinished`].
+    fn begin(self) -> Arc<Self> {
+        let made = Arc::new(self);
+        let mut all = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        all.retain(|made| made.strong_count() > 0);
+        all.push(Arc::downgrade(&made));
+        made
+    }
+
+    /// Removes the lock file and the new directories, if the directory has no NOVRAM files. The new file of a write that
+    /// was cut off is removed, too.
+    fn remove_unused(&self) {
+        let Ok(entries) = std::fs::read_dir(self.open.path_by_descriptor()) else { return };
+        let names: Option<Vec<_>> = entries.map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+        let is_own = |name: &String| name == LOCK || name.ends_with(".novram.new");
+        let Some(names) = names.filter(|names| names.iter().all(is_own)) else { return };
+        if !is_lock_of(&self.lock, &self.open) {
+            return;
         }
+        // The lock file is the last one, because another emulator may use the directory from then on. If this emulator has
+        // opened the lock file already, it locks the directory again before it writes.
+        for name in names.iter().filter(|name| *name != LOCK).map(String::as_str).chain([LOCK]) {
+            let _ = self.open.remove(name);
+        }
+        remove_empty(&self.directories);
+    }
+}
+
+/// A refused start leaves no files.
+impl Drop for Made {
+    fn drop(&mut self) {
+        self.remove_unused();
+    }
+}
+
+/// Removes directories, the innermost first. A directory that is in use is not empty, and so it stays.
+fn remove_empty(directories: &[PathBuf]) {
+    for directory in directories {
+        let _ = std::fs::remove_dir(directory);
+    }
+}
+
+/// True if `lock` is the lock file of a directory.
+fn is_lock_of(lock: &File, directory: &directory::Directory) -> bool {
+    match (rustix::fs::fstat(lock), directory.stat_of(LOCK)) {
+        (Ok(own), Ok(named)) => (own.st_dev, own.st_ino) == (named.st_dev, named.st_ino),
+        _ => false,
     }
 }
 

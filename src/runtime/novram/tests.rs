@@ -344,6 +344,29 @@ fn a_failed_last_write_is_an_error() {
     assert!(error.contains("lost") && error.contains("line.novram"), "{error}");
 }
 
+/// A directory that is unused disappears with its new parents, also while the emulator that has made it still has it open.
+#[test]
+fn unused_directories_are_removed_with_the_parents_that_were_made_for_them() {
+    let place = tempfile::tempdir().unwrap();
+    let inner = place.path().join("a/b/c");
+    drop(Directory::open(&inner).unwrap());
+    assert_eq!(names(&place), [""; 0]);
+    let open = Directory::open(&inner).unwrap();
+    fs::write(inner.join("line.novram.new"), "cut off").unwrap();
+    Directory::remove_unfinished();
+    assert_eq!(names(&place), [""; 0]);
+    drop(open);
+    let mut open = Directory::open(&inner).unwrap();
+    open.replace("line.novram", b"content").unwrap();
+    Directory::remove_unfinished();
+    drop(open);
+    assert_eq!(fs::read(inner.join("line.novram")).unwrap(), b"content");
+    // The lock file is not new now.
+    fs::remove_file(inner.join("line.novram")).unwrap();
+    drop(Directory::open(&inner).unwrap());
+    assert!(inner.join(".lock").exists());
+}
+
 /// The new directory is locked at once, so no other emulator can take it.
 #[test]
 fn a_missing_directory_is_created_again() {

@@ -165,7 +165,15 @@ struct Timing {
 impl Timing {
     fn text(&self) -> String {
         let Timing { took_us, latest_us } = self;
-        format!(" of the log; sent within {}, up to {} late", time::short(*took_us), time::short(*latest_us))
+        format!(" of the log; sent within {}, {}", time::short(*took_us), lateness(*latest_us))
+    }
+}
+
+/// Describes the longest delay of a frame.
+fn lateness(latest_us: u64) -> String {
+    match latest_us {
+        0 => "no frame late".to_owned(),
+        latest_us => format!("up to {} late", time::short(latest_us)),
     }
 }
 
@@ -217,7 +225,7 @@ impl SteppedClock {
         if !self.was_shared() {
             return String::new();
         }
-        format!(" of the log; another client moved the clock, up to {} late", time::short(self.latest_us))
+        format!(" of the log; another client moved the clock, {}", lateness(self.latest_us))
     }
 }
 
@@ -537,4 +545,24 @@ fn pause(interrupts: &Interrupts, time: Duration) -> Result<(), CliError> {
     }
     std::thread::sleep(time);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moved_clock_without_a_late_frame_is_reported_as_such() {
+        let mut clock = SteppedClock::default();
+        clock.is_at(1_000);
+        clock.sends(0);
+        assert_eq!(clock.text(), "");
+        clock.is_at(6_000);
+        clock.sends(5_000);
+        assert_eq!(clock.text(), " of the log; another client moved the clock, no frame late");
+        clock.sends(3_000);
+        assert_eq!(clock.text(), " of the log; another client moved the clock, up to 2 ms late");
+        let timing = Timing { took_us: 10_000, latest_us: 0 };
+        assert_eq!(timing.text(), " of the log; sent within 10 ms, no frame late");
+    }
 }
