@@ -290,11 +290,17 @@ fn refuse(error: &clap::Error) -> ExitCode {
 
 /// Prints an error unless it was printed before, and returns the exit code.
 fn finish(result: Result<(), CliError>) -> ExitCode {
-    let Err(error) = result else { return ExitCode::from(Exit::Done.code()) };
-    if !error.is_reported() {
-        output::complain(&error.to_string());
-    }
-    ExitCode::from(error.exit_code())
+    let code = match result {
+        Ok(()) => Exit::Done.code(),
+        Err(error) => {
+            if !error.is_reported() {
+                output::complain(&error.to_string());
+            }
+            error.exit_code()
+        }
+    };
+    crate::helics::end_process_if_loaded(code);
+    ExitCode::from(code)
 }
 
 #[cfg(test)]

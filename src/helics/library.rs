@@ -7,7 +7,9 @@ use core::ffi::{CStr, c_char, c_int, c_void};
 use core::mem::ManuallyDrop;
 use libloading::{Library, Symbol};
 use std::ffi::CString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Environment variable with the path of the library.
 pub(super) const VARIABLE: &str = "COMMRAM_HELICS";
@@ -37,6 +39,9 @@ impl Status {
 }
 
 pub(super) type Object = *mut c_void;
+/// True if this process has loaded the library.
+static IS_LOADED: AtomicBool = AtomicBool::new(false);
+
 type Set<T> = unsafe extern "C" fn(Object, T, *mut Status);
 type Do = unsafe extern "C" fn(Object, *mut Status);
 type Name = *const c_char;
@@ -121,7 +126,10 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     let mut reason = String::new();
     for path in candidates {
         match functions(&path) {
-            Ok(functions) => return Ok(functions),
+            Ok(functions) => {
+                IS_LOADED.store(true, Ordering::Release);
+                return Ok(functions);
+            }
             // The first path is the preferred one, so the message has the error of this path only.
             Err(error) if reason.is_empty() => reason = error.to_string(),
             Err(_) => {}
@@ -130,21 +138,15 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// Makes this process end without the exit handlers of the library. A thread may still be in a call of the library, for
-/// example while the federate joins: the handlers would wait for this call, or free its objects. Call this after the last
-/// use of the library, because it may have registered handlers until then.
-pub(super) fn end_without_it() {
-    #[cfg(target_env = "gnu")]
-    {
-        unsafe extern "C" {
-            fn on_exit(function: extern "C" fn(c_int, Object), argument: Object) -> c_int;
-        }
-        extern "C" fn end(status: c_int, _: Object) {
-            // SAFETY: the call ends the process. Rust has written all of its output before.
-            unsafe { libc::_exit(status) }
-        }
-        // SAFETY: the function exists as long as the process runs, and needs no argument.
-        unsafe { on_exit(end, core::ptr::null_mut()) };
+/// Ends this process with an exit code if the library was loaded. A thread may still be in a call of the library, for
+/// example while the federate joins. The exit handlers of the library would wait for this call, or free its objects, so
+/// they do not run.
+pub fn end_process_if_loaded(code: u8) {
+    if IS_LOADED.load(Ordering::Acquire) {
+        // An error was reported by the write before, or there is no reader.
+        let _ = std::io::stdout().flush();
+        // SAFETY: the call ends the process; the output is written.
+        unsafe { libc::_exit(code.into()) }
     }
 }
 

@@ -10,6 +10,7 @@ mod library;
 mod simulators;
 
 pub use broker::{BrokerAddress, BrokerAddressError};
+pub use library::end_process_if_loaded;
 pub use simulators::HelicsSimulators;
 
 use crate::federation::Exchange;
@@ -196,7 +197,7 @@ type Received = Result<(u8, Vec<u8>), String>;
 
 /// The emulator's side of the connection.
 ///
-/// A process that has used it ends without the exit handlers of its C libraries.
+/// A process that has used it should end by [`end_process_if_loaded`].
 pub struct HelicsExchange {
     commands: Sender<Command>,
     messages: Receiver<Received>,
@@ -256,12 +257,6 @@ impl Exchange for HelicsExchange {
         let _ = self.commands.send(Command::Leave(message.to_vec()));
         // No message is ever sent on this channel. The channel closes when the thread ends.
         let _ = self.has_left.recv_timeout(self.joining.farewell());
-    }
-}
-
-impl Drop for HelicsExchange {
-    fn drop(&mut self) {
-        library::end_without_it();
     }
 }
 

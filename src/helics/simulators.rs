@@ -18,7 +18,7 @@ const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
 
 /// The emulator's side of the connection.
 ///
-/// A process that has used it ends without the exit handlers of its C libraries.
+/// A process that has used it should end by [`end_process_if_loaded`](super::end_process_if_loaded).
 pub struct HelicsSimulators {
     /// Sends the values and frames of the plant to the thread of HELICS.
     given: Option<Sender<PlantOutput>>,
@@ -82,12 +82,6 @@ impl Simulators for HelicsSimulators {
         self.given = None;
         // No message is ever sent on this channel. The channel closes when the thread ends.
         let _ = self.has_left.recv_timeout(self.joining.farewell());
-    }
-}
-
-impl Drop for HelicsSimulators {
-    fn drop(&mut self) {
-        library::end_without_it();
     }
 }
 

@@ -26,6 +26,26 @@ AXE = """axe.run(document, { resultTypes: ["violations"] }).then((found) =>
     found.violations.map((it) => [it.id, it.help, it.nodes.slice(0, 3).map((node) => node.html.slice(0, 200))]))"""
 
 
+CANOPEN = """
+[[bus]]
+name = "open"
+kind = "can"
+kbit_s = 125
+[[device]]
+kind = "cs0015"
+name = "panel"
+bus = "open"
+node_id = 32
+kbit_s = 125
+[[device]]
+kind = "cr201x"
+name = "io"
+module = "cr2011"
+bus = "open"
+node_id = 5
+"""
+
+
 class Emulator:
     """A running `commram run` with the server of its page."""
 
@@ -73,7 +93,7 @@ class Check:
 
     def all(self):
         self.sign_in()
-        for step in [self.broken_address, self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.values, self.keyboard, self.narrow, self.record]:
+        for step in [self.broken_address, self.registers, self.poke, self.clock, self.bits, self.sources, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.values, self.keyboard, self.narrow, self.record]:
             step()
             assert not (wrong := self.page.complaints()), (step.__name__, wrong)
         self.sizes()
@@ -177,6 +197,11 @@ class Check:
         self.page.until("document.querySelector('.switch[aria-label=\"Bit 6, enable\"]').ariaChecked === 'true'")
         self.page.click(".detail [role=switch].switch", "Bit 6, enable")
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "bit 6 off")
+
+    def sources(self):
+        """Inferred bits have the number of the decision."""
+        self.choose_register("baps.w_CONTROLWORD")
+        self.page.until("document.querySelector('.detail .bits')?.textContent.includes('(inferred D-87)')")
 
     def force(self):
         self.choose_register("node1.w_CPU_CONTROL")
@@ -665,6 +690,28 @@ def frozen(program, browser):
         emulator.stop()
 
 
+def objects(program, browser):
+    """The object dictionary of a node marks inferred objects and default values."""
+    with tempfile.TemporaryDirectory() as directory:
+        plant = Path(directory, "plant.toml")
+        plant.write_text(CANOPEN)
+        emulator = Emulator(program, str(plant), "--clock", "stepped")
+        try:
+            page = Page(browser)
+            page.open("about:blank")
+            page.open(emulator.address)
+            page.until("document.querySelectorAll('#nav a').length > 5")
+            page.value(f"location.hash = '#/{emulator.name}/canopen'; true")
+            emulator.run("step", "5s")
+            page.until("document.querySelector('main table')?.textContent.includes('Node 5')")
+            page.until("document.querySelector('main').textContent.includes('device type (inferred D-451)')")
+            page.click("main button", "Node 32")
+            page.until("document.querySelector('main').textContent.includes('CS0015_G (inferred D-407)')")
+            assert not (wrong := page.complaints()), wrong
+        finally:
+            emulator.stop()
+
+
 def debugging(program, browser, given):
     """The faulty program of the debugging page, found on the page alone."""
     emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")), "--clock", "stepped", "--record", "node2")
@@ -710,6 +757,7 @@ def main():
         read_only(program, browser)
         restarted(program, browser)
         frozen(program, browser)
+        objects(program, browser)
         real_time(program, browser)
         debugging(program, browser, given)
         if given.load:

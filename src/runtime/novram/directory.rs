@@ -82,9 +82,22 @@ impl Directory {
     /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
     /// other users could put files into it, [`NovramError::Io`] if it cannot be created or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
-        let missing = |path: &&Path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err();
-        let directories: Vec<_> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
-        Self::open_or_make(path, &directories).inspect_err(|_| remove_empty(&directories))
+        let since = Instant::now();
+        loop {
+            let missing = |path: &&Path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err();
+            let directories: Vec<_> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
+            let opened = Self::open_or_make(path, &directories).inspect_err(|_| remove_empty(&directories));
+            // Another emulator may have just removed the directory at its end, because it was new and unused.
+            let is_removed = match &opened {
+                Ok(directory) => !directory.has_lock(),
+                Err(NovramError::Io { source, .. }) => source.kind() == io::ErrorKind::NotFound,
+                Err(_) => false,
+            };
+            if !is_removed || since.elapsed() >= PATIENCE {
+                return opened;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 
     /// Opens and locks a directory. `directories` are the missing ones of the path, the innermost first.

@@ -410,6 +410,24 @@ fn two_emulators_do_not_share_a_directory() {
     open(&directory);
 }
 
+/// An emulator that has written nothing removes its new directory at its end.
+#[test]
+fn a_start_makes_a_directory_again_that_another_emulator_removes() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("novram");
+    let until_there = |round: usize| {
+        let opened = (0..100).find_map(|_| match Directory::open(&path) {
+            Err(NovramError::InUse { .. }) => None,
+            opened => Some(opened),
+        });
+        let directory = opened.expect("the directory becomes free").unwrap();
+        assert!(path.join(".lock").exists(), "{round}");
+        drop(directory);
+    };
+    std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(|| (0..100).for_each(until_there)))));
+    assert!(!path.exists());
+}
+
 #[test]
 fn only_regular_files_are_read_and_no_links_are_followed() {
     type Make = fn(&Path) -> std::io::Result<()>;

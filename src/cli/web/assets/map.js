@@ -109,4 +109,7 @@ export function provenanceOf(entry) {
   return { mark: inferred.length === 0 ? "full" : isNamed ? "half" : "none", text };
 }
 
+/** Adds the decision to the text of an inferred fact, such as "switch on (inferred D-87)". */
+export const withSource = (text, source) => (source && source !== "manual" ? `${text} (${source})`.trim() : text);
+
 const names = (facts) => facts.map(([fact]) => fact).join(", ") || "nothing";

@@ -4,6 +4,7 @@ import { guard } from "./actions.js";
 import { readPast, show } from "./api.js";
 import { choice, field, fill, h, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
+import { withSource } from "./map.js";
 import { showError } from "./messages.js";
 import { table } from "./plant.js";
 import { NMT, SdoClient, sendFrame } from "./sdo.js";
@@ -119,10 +120,11 @@ class CanopenPage {
     guard(this.dictionary);
   }
 
-  #row({ index, sub, name, type, access, default: usual, page }) {
+  #row({ index, sub, name, type, access, default: usual, page, provenance, default_provenance: usualFrom }) {
     const known = this.objects.get(`${this.chosen} ${index} ${sub}`);
     const read = h("button", { acts: true, label: `Read ${nameOf(index, sub)}`, onclick: () => this.read(index, sub).then(() => this.draw()) }, "Read");
-    return h("tr", { class: known?.error ? "muted" : "" }, tdMono(nameOf(index, sub)), td(name ?? ""), tdMono(known ? (known.error ?? textOf(known.bytes, type)) : ""), td(access ?? ""), tdMono(usual ?? ""), td(page ?? ""), td(read));
+    return h("tr", { class: known?.error ? "muted" : "" }, tdMono(nameOf(index, sub)), td(withSource(name ?? "", provenance)), tdMono(known ? (known.error ?? textOf(known.bytes, type)) : ""), td(access ?? ""),
+      tdMono(usual && withSource(usual, usualFrom)), td(page ?? ""), td(read));
   }
 
   #form() {

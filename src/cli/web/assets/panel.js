@@ -5,6 +5,7 @@ import { show } from "./api.js";
 import { fill, h, setAttribute, svg } from "./dom.js";
 import { feed } from "./feed.js";
 import { Lamp, SevenSegments, TextDisplay } from "./led.js";
+import { withSource } from "./map.js";
 import { showError } from "./messages.js";
 import { Push, Rotary, Selector, Terminal, Toggle } from "./switch.js";
 import { counted } from "./values.js";
@@ -161,7 +162,8 @@ class Front {
     return words.length > 0 && h("div", { class: "wordgrid" }, words.map((word) => this.wordControl(word)));
   }
 
-  wordControl({ name, number, values, meaning }) {
+  wordControl({ name, number, values, meaning: text, provenance }) {
+    const meaning = withSource(text, provenance);
     const which = FRONT + number;
     const choices = values.filter((value) => value.first === value.last && value.text !== "none");
     const set = (value) => this.set(which, value, `${name}=${this.named(values, value)}`);

@@ -4,7 +4,7 @@ import { act, guard } from "./actions.js";
 import { post } from "./api.js";
 import { field, fill, h, newId, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
-import { placeOf, provenanceOf } from "./map.js";
+import { placeOf, provenanceOf, withSource } from "./map.js";
 import { clearError, showError, showNote, showWarning } from "./messages.js";
 import { isPinned, onPins } from "./pins.js";
 import { addToRecord, expectValue, onRecord, recorder } from "./record.js";
@@ -149,7 +149,7 @@ class RegisterView {
     const place = bit.first === bit.last ? String(bit.first) : `${bit.first}\u2013${bit.last}`;
     const value = bit.first === bit.last ? this.bitSwitch(bit.first, bit.name, false) : h("output", { class: "mono" });
     if (bit.first !== bit.last) this.bits.set([bit.first, bit.last], value);
-    return h("li", null, h("span", { class: "mono place" }, place), value, h("span", null, h("b", null, bit.name), " ", h("small", null, bit.meaning)));
+    return h("li", null, h("span", { class: "mono place" }, place), value, h("span", null, h("b", null, bit.name), " ", h("small", null, withSource(bit.meaning, bit.provenance))));
   }
 
   bitSwitch(bit, name, isSmall) {
