@@ -51,10 +51,8 @@ class Feed {
 
   /** Deletes all data, for another instance. */
   reset() {
-    this.#source?.close();
+    this.#close();
     Object.assign(this, { clock: null, latest: {}, changes: [], hasEnded: false });
-    this.#source = null;
-    this.#path = "";
     this.values.clear();
     setNotice("stream", "");
     setNotice("lost", "");
@@ -115,7 +113,14 @@ class Feed {
     for (const [listener, data] of calls) listener(data);
   }
 
+  #close() {
+    this.#source?.close();
+    this.#source = null;
+    this.#path = "";
+  }
+
   #open() {
+    if (server.instance === null) return this.#close();
     if (document.hidden) return;
     const [follow, values] = [new Set(), new Set()];
     const fields = { clock: 1 };
@@ -209,9 +214,7 @@ class Feed {
   }
   _ended({ reason, complete = true }) {
     this.hasEnded = true;
-    this.#source?.close();
-    this.#source = null;
-    this.#path = "";
+    this.#close();
     setNotice("stream", `The emulator has ended: ${reason}${complete ? "" : ". Its last changes and records may be missing"}`, "bad", ["Try again", () => this.#again()]);
   }
 
@@ -242,10 +245,7 @@ class Feed {
       clearTimeout(timer);
       if (!document.hidden) return this.#connect();
       timer = setTimeout(() => {
-        if (this.keepsOpen) return;
-        this.#source?.close();
-        this.#source = null;
-        this.#path = "";
+        if (!this.keepsOpen) this.#close();
       }, 30_000);
     });
   }
