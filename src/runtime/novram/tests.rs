@@ -345,6 +345,7 @@ fn a_failed_last_write_is_an_error() {
 }
 
 /// An unused directory disappears with its new parents, also while its emulator still has it open.
+#[cfg(feature = "cli")]
 #[test]
 fn unused_directories_are_removed_with_the_parents_that_were_made_for_them() {
     let place = tempfile::tempdir().unwrap();
