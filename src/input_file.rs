@@ -23,6 +23,7 @@ pub(crate) const LONGEST_PLANT: u64 = 8 << 20;
 pub(crate) const LONGEST_SCRIPT: u64 = 64 << 10;
 
 /// Maximum length of a file that describes an exchange with other simulators. Sufficient for 20,000 values with keys.
+#[cfg(feature = "channel")]
 pub(crate) const LONGEST_EXCHANGE: u64 = 1 << 20;
 
 /// True if the process reads its commands from the standard input, so that it cannot be an input file.

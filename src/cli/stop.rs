@@ -115,6 +115,14 @@ fn note_killed(name: &str) {
     output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes its files"));
 }
 
+fn note_renamed(name: &str, path: &Path) {
+    output::note(&format!(
+        "{} remains: another program has renamed this image, so the emulator could not remove it; `commram stop --clean -i \
+         {name}` removes it",
+        path.display()
+    ));
+}
+
 /// True if a directory exists and belongs to this user.
 fn is_own(directory: &Path) -> bool {
     let user = rustix::process::geteuid().as_raw();
@@ -141,7 +149,15 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
         return Err(why_not(name));
     };
     match stop(name, &running) {
-        Ok(()) => output::print(&format!("instance '{name}' has stopped\n")),
+        Ok(()) => {
+            let renamed: Vec<_> = running.renamed().collect();
+            if clean && !renamed.is_empty() {
+                remove_remains(name)?;
+            } else {
+                renamed.iter().for_each(|path| note_renamed(name, path));
+            }
+            output::print(&format!("instance '{name}' has stopped\n"))
+        }
         Err(error @ CliError::Dead { .. }) if clean => {
             clean_up(name)?.map_or(Err(error), |outcome| output::print(&outcome))
         }
@@ -313,7 +329,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         let_go_on()?;
         running.wait(LOOK);
     }
-    // An emulator that ends cleanly leaves no files.
+    // An emulator that ends cleanly leaves no files, except images that another program has renamed.
     if running.has_left_files() {
         let (instance, pid) = (name.to_owned(), pid.unwrap_or_default());
         if !running.was_ending() {

@@ -22,15 +22,15 @@ pub(crate) struct VariableFinder<'a> {
     plcs: HashMap<String, DeviceIndex>,
     drives: HashMap<String, usize>,
     /// PLCs with the same registers, in the order of their first PLCs.
-    kinds: Vec<Kind>,
-    /// Index in `kinds` of each PLC.
-    kind_of: Vec<usize>,
+    groups: Vec<PlcGroup>,
+    /// Index in `groups` of each PLC.
+    group_of: Vec<usize>,
     comparisons_left: u64,
     variables_left: usize,
 }
 
 /// PLCs with the same registers.
-struct Kind {
+struct PlcGroup {
     fit: DeviceFit,
     plcs: Vec<DeviceIndex>,
     /// Number of descriptors of registers, and number of registers.
@@ -45,23 +45,23 @@ impl<'a> VariableFinder<'a> {
     /// Creates a finder for a plant that has its buses, devices and drives already.
     pub(crate) fn of(plant: &'a Plant) -> Self {
         let names = plant.names();
-        let (mut kinds, mut kind_of): (Vec<Kind>, Vec<usize>) = (Vec::new(), Vec::new());
+        let (mut groups, mut group_of): (Vec<PlcGroup>, Vec<usize>) = (Vec::new(), Vec::new());
         let mut known: HashMap<DeviceFit, usize> = HashMap::new();
         for (plc, fit) in DeviceIndex::enumerate(&names.devices) {
-            let kind = *known.entry(*fit).or_insert_with(|| {
-                kinds.push(Kind { fit: *fit, plcs: Vec::new(), size: size(fit), registers: None });
-                kinds.len() - 1
+            let group = *known.entry(*fit).or_insert_with(|| {
+                groups.push(PlcGroup { fit: *fit, plcs: Vec::new(), size: size(fit), registers: None });
+                groups.len() - 1
             });
-            kind_of.push(kind);
-            kinds[kind].plcs.push(plc);
+            group_of.push(group);
+            groups[group].plcs.push(plc);
         }
         Self {
             plcs: DeviceIndex::enumerate(&names.plcs).map(|(plc, name)| (name.clone(), plc)).collect(),
             drives: plant.drives().into_iter().enumerate().map(|(number, it)| (it.name, number)).collect(),
             plant,
             plc_names: names.plcs,
-            kinds,
-            kind_of,
+            groups,
+            group_of,
             comparisons_left: MOST_COMPARISONS,
             variables_left: MOST_VARIABLES,
         }
@@ -108,28 +108,28 @@ impl<'a> VariableFinder<'a> {
                 Some(*known.ok_or_else(|| VariablesError::unknown_plc(plc, &self.plc_names))?)
             }
         };
-        let kinds = match plc {
-            None => 0..self.kinds.len(),
+        let groups = match plc {
+            None => 0..self.groups.len(),
             Some(plc) => {
-                let kind = self.kind_of.get(plc.index()).copied().unwrap_or_default();
-                kind..kind + 1
+                let group = self.group_of.get(plc.index()).copied().unwrap_or_default();
+                group..group + 1
             }
         };
         // Without a PLC as its prefix, a name means the registers of all PLCs that have such registers.
         let (mut found, mut first_error) = (Vec::new(), None);
-        for kind in self.kinds.get_mut(kinds).unwrap_or_default() {
-            let (descriptors, registers) = kind.size;
+        for group in self.groups.get_mut(groups).unwrap_or_default() {
+            let (descriptors, registers) = group.size;
             let cost = if is_pattern(name) { registers } else { descriptors.div_ceil(DESCRIPTORS) };
             self.comparisons_left =
                 self.comparisons_left.checked_sub(cost.max(1)).ok_or(VariablesError::TooLong)?;
-            let registers = match variables::registers(&kind.fit, name) {
-                Ok(registers) => kind.in_order(&registers),
+            let registers = match variables::registers(&group.fit, name) {
+                Ok(registers) => group.in_order(&registers),
                 Err(error) => {
                     first_error.get_or_insert(error);
                     continue;
                 }
             };
-            let plcs = plc.as_ref().map_or(&kind.plcs[..], core::slice::from_ref);
+            let plcs = plc.as_ref().map_or(&group.plcs[..], core::slice::from_ref);
             self.variables_left = plcs
                 .len()
                 .checked_mul(registers.len())
@@ -153,7 +153,7 @@ impl<'a> VariableFinder<'a> {
     }
 }
 
-impl Kind {
+impl PlcGroup {
     /// Returns the registers of variables among `found`, in the order of variables.
     fn in_order(&mut self, found: &[RegisterRef]) -> Vec<RegisterRef> {
         let fit = &self.fit;

@@ -5,7 +5,7 @@ use super::*;
 use crate::devices::samples::copy_folder;
 use crate::format_samples::{sample, samples, with_header};
 #[cfg(feature = "channel")]
-use crate::plant::PlantConfig;
+use crate::plant::{Plant, PlantConfig};
 use crate::snapshot_fields::{seal, unseal};
 use core::f64::consts::TAU;
 use proptest::prelude::*;
@@ -273,8 +273,11 @@ fn a_finder_agrees_with_the_variables_of_a_unit() {
                 [[bus]]\nname = 'x'\n[[bus]]\nname = 'y'\n[[bus]]\nname = 'z'\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n";
     let built_in = unit(&["node2.w_*"]);
     let several = PlantConfig::parse("plant", toml).unwrap();
-    let several = crate::request::testing::TestHost::of(&several, true);
-    for plant in [built_in.plant(), &several.plant] {
+    let several = Plant::new(&several, |_, device| {
+        Ok::<_, Box<dyn std::error::Error>>(crate::memory::Segment::of(device))
+    });
+    let several = several.unwrap();
+    for plant in [built_in.plant(), &several] {
         let all = variables::variables(plant, &[]).unwrap();
         let known = all.iter().filter(|it| matches!(it.quantity, Quantity::Register { .. }));
         let mut names: Vec<String> = known.map(|it| it.name.trim_end_matches(".out").to_owned()).collect();
@@ -319,7 +322,7 @@ fn a_finder_agrees_with_the_variables_of_a_unit() {
             assert_eq!(found, wanted, "{name}");
         }
     }
-    let mut finder = VariableFinder::of(&several.plant);
+    let mut finder = VariableFinder::of(&several);
     let speed = finder.find("d.speed_modelled").unwrap();
     assert_eq!((speed.len(), &*speed[0].name), (1, "d.speed_modelled"));
     let unknown = finder.find("d.none").unwrap_err();

@@ -75,6 +75,8 @@ pub use names::Names;
 pub use phases::PortPhase;
 #[cfg(feature = "script")]
 pub(crate) use phases::since;
+#[cfg(feature = "script")]
+pub(crate) use printer::may_be_lost;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
 pub use record::Record;

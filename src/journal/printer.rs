@@ -1,5 +1,7 @@
 //! Prints records from the journal in a format: selects them and reports gaps.
 
+#[cfg(feature = "script")]
+use super::Ring;
 use super::kind::RINGS;
 use super::{EventKind, Format, Record, Source};
 use crate::identity::{BusIndex, DeviceIndex};
@@ -132,6 +134,28 @@ impl<Out> Printer<Out> {
     }
 }
 
+/// True if records of a ring that end at `since_us` or later may be lost. `kept` are the records that a journal keeps, and
+/// `begin` is the number of its first record, or that of a return to an earlier moment.
+#[cfg(feature = "script")]
+pub(crate) fn may_be_lost(kept: &[Record], ring: Ring, begin: u64, since_us: u64) -> bool {
+    // After a return, the records before it are in the journal, too.
+    let is_return = kept.first().is_some_and(|first| first.seq < begin);
+    let (mut next, mut has_gap) = (if is_return { 0 } else { begin }, false);
+    for record in kept.iter().filter(|record| !record.is_pending()) {
+        has_gap |= record.seq > next;
+        next = record.seq.saturating_add(1);
+        if record.time_us < since_us {
+            has_gap = false;
+        }
+        // A ring drops only its oldest records.
+        if record.event.kind().ring() == ring {
+            return has_gap;
+        }
+    }
+    // Without a return, a ring that has lost records has later ones. A return removes the later ones.
+    is_return && (has_gap || next < begin)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::testing::{Edge, Refused, catalogue};
@@ -159,6 +183,27 @@ mod tests {
 
     fn refused(seq: u64, plc: DeviceIndex) -> Record {
         record(seq, Refused { origin: Origin { plc, node: PortNumber(2) } }.into())
+    }
+
+    /// The times are ten times the numbers.
+    #[cfg(feature = "script")]
+    #[test]
+    fn records_since_a_time_may_be_lost_if_a_gap_comes_before_their_ring_begins() {
+        let (write, refused) = (|seq| write(seq, DeviceIndex(0)), |seq| refused(seq, DeviceIndex(0)));
+        let ring = write(0).event.kind().ring();
+        let is_lost = |kept: &[Record], begin, since_us| may_be_lost(kept, ring, begin, since_us);
+        assert!(!is_lost(&[write(0), write(1)], 0, 1));
+        // The lost records are older than the oldest one.
+        assert!(!is_lost(&[write(5)], 0, 51) && is_lost(&[write(5)], 0, 50));
+        assert!(is_lost(&[refused(0), refused(3), write(5)], 0, 30));
+        assert!(!is_lost(&[refused(0), refused(4), write(5)], 0, 41));
+        // The gap after the first record of the ring concerns another ring.
+        assert!(!is_lost(&[write(0), refused(5), write(6)], 0, 1));
+        // The journal begins with record 5, and in the second case the plant has returned to the moment of record 5.
+        assert!(!is_lost(&[write(5)], 5, 1) && is_lost(&[write(4)], 5, 1));
+        // The ring has dropped its records before the return.
+        assert!(is_lost(&[refused(0)], 5, 1) && !is_lost(&[refused(0), refused(1)], 2, 1));
+        assert!(!is_lost(&[refused(5)], 0, 1));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use rustix::fs::{fstat, lstat};
 use rustix::io::Errno;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Number of files that are open at the same time in addition to the images: the lock, its directory, the process, and
@@ -164,9 +164,21 @@ impl RunningInstance {
     }
 
     /// Called after the end of the emulator. True if its files still have their names, because it was killed before it
-    /// removed them. Files that another emulator has taken over do not count.
+    /// removed them. Files that another emulator has taken over do not count, and neither do [`RunningInstance::renamed`].
     pub fn has_left_files(&self) -> bool {
-        self.files.iter().any(|locked| locked.is_named() && !locked.is_locked())
+        self.renamed().count() < self.left().count()
+    }
+
+    /// Called after the end of the emulator. Returns images that another program has renamed, so that the emulator could not
+    /// remove them at its orderly end.
+    pub fn renamed(&self) -> impl Iterator<Item = &Path> {
+        let is_orderly = !self.left().any(|file| file.path.ends_with(LOCK));
+        let ended = |file: &&LockedFile| file.state().is_some_and(|state| state.is_over());
+        self.left().filter(ended).filter(move |_| is_orderly).map(|file| &*file.path)
+    }
+
+    fn left(&self) -> impl Iterator<Item = &LockedFile> {
+        self.files.iter().filter(|file| file.is_named() && !file.is_locked())
     }
 }
 

@@ -82,6 +82,8 @@ pub struct Bench {
     recorded: Vec<Recorded>,
     /// Numbers of the kept snapshots.
     saved: Vec<u32>,
+    /// Emulated time to which this bench has gone back last.
+    returned_us: Option<u64>,
     /// Called regularly while the clock advances: returns true to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
 }
@@ -202,6 +204,7 @@ impl Bench {
             required: Vec::new(),
             recorded: Vec::new(),
             saved: Vec::new(),
+            returned_us: None,
             interrupt: None,
         })
     }

@@ -170,14 +170,12 @@ impl Verbs {
         self.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
         self.on("step", |stage| move |time: Dynamic| stage.act(|bench| bench.step(span(&time)?)));
         self.on("save", |stage| move || stage.act(|bench| Ok(INT::from(bench.save()?))));
-        self.on("back_to", |stage| {
-            move |saved: INT| {
-                let right = "it is a number that save() has returned";
-                let number =
-                    u32::try_from(saved).map_err(|_| ScenarioError::argument(&saved.to_string(), right));
-                stage.act(|bench| bench.back_to(number?))
-            }
-        });
+        let saved = |saved: INT| {
+            let right = "it is a number that save() has returned";
+            u32::try_from(saved).map_err(|_| ScenarioError::argument(&saved.to_string(), right))
+        };
+        self.on("back_to", |stage| move |number: INT| stage.act(|bench| bench.back_to(saved(number)?)));
+        self.on("forget", |stage| move |number: INT| stage.act(|bench| bench.forget(saved(number)?)));
         self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("")));
         self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));
         self.on("wait", |stage| {

@@ -458,6 +458,25 @@ fn a_signal_during_a_long_start_leaves_no_files() {
     }
 }
 
+/// The emulator ends in good order, but it cannot remove an image with another name.
+#[test]
+fn an_instance_with_a_renamed_image_ends_in_good_order() {
+    for clean in [true, false] {
+        let emulator = Emulator::stepped();
+        let image = PathBuf::from(format!("/dev/shm/commram.{}.line", emulator.name));
+        let renamed = image.with_extension("line2");
+        fs::rename(&image, &renamed).unwrap();
+        let stopped = emulator.run("stop", if clean { &["--clean"] } else { &[] });
+        assert_eq!(stopped.code, Some(0), "{stopped:?}");
+        assert_eq!(stopped.out, format!("instance '{}' has stopped\n", emulator.name));
+        let note = format!("{} remains: another program has renamed this image", renamed.display());
+        assert_eq!(stopped.err.contains(&note), !clean, "{}", stopped.err);
+        assert_eq!(renamed.exists(), !clean);
+        emulator.run("stop", &["--clean"]);
+        assert_eq!(files_of(&emulator.name), NOTHING);
+    }
+}
+
 /// A copy of `/dev/shm` by hard links (`cp -al`) gives files of a running emulator a second name.
 #[test]
 fn an_instance_is_not_ended_under_the_name_of_another_one() {

@@ -388,7 +388,7 @@ fn exchange_files_are_accepted_or_refused_within_the_promised_time() {
         files.write("exchange.toml", &text);
         let outcome =
             files.run(&["run", "--check", plant, "--clock", "stepped", "--exchange", "exchange.toml"]);
-        let said = format!("{}{}", outcome.out, outcome.err);
-        assert!(said.contains(message), "{name}: {}", &said[..said.len().min(600)]);
+        let output = format!("{}{}", outcome.out, outcome.err);
+        assert!(output.contains(message), "{name}: {}", &output[..output.len().min(600)]);
     }
 }

@@ -109,8 +109,18 @@ class Check:
         assert "token" not in self.page.value("location.href")
 
     def broken_address(self):
+        self.page.value("""(() => {
+            const send = window.fetch;
+            window.requested = [];
+            window.fetch = (path, ...rest) => { window.requested.push(path); return send(path, ...rest); };
+            return true;
+        })()""")
         self.page.value("location.hash = '#/%E0%A4%A/plant'; true")
         self.page.until("document.querySelector('main .error')?.textContent.includes('%E0%A4%A')")
+        # No instance is chosen now, so the page sends no requests for one. It opens its event stream after a short delay.
+        time.sleep(0.5)
+        requests = json.loads(self.page.value("JSON.stringify(window.requested)"))
+        assert requests and not [it for it in requests if "/null/" in it], requests
         self.page.value(f"location.hash = '#/{self.emulator.name}/registers/%E0%A4%A'; true")
         self.page.until("document.querySelectorAll('.rows-body .row').length > 0")
         # The browser reports the refused request for the unknown instance itself.

@@ -89,8 +89,9 @@ fn check_length(events: u64) -> Result<(), CliError> {
     if events <= MOST_EVENTS {
         return Ok(());
     }
-    let right =
-        format!("the records have {events} events, a waveform has at most {MOST_EVENTS}; select fewer");
+    let right = format!(
+        "the records have {events} events, a waveform has at most {MOST_EVENTS}; select fewer with --since, --kind, --bus or --plc"
+    );
     Err(CliError::Argument { text: "--format".to_owned(), right })
 }
 

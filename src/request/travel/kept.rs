@@ -50,8 +50,8 @@ impl KeptSnapshots {
             0 => Refused::new(
                 Code::SNAPSHOT,
                 format_args!(
-                    "{what}: in a scenario, keep the number of an earlier save() and go back to that, or split the \
-                     scenario; another client can forget one (operation `forget`)"
+                    "{what}: forget one (`forget`, in a scenario and in Python `forget(saved)`), or keep the number of an \
+                     earlier save() and go back to that"
                 ),
             ),
             _ => Refused::new(

@@ -394,7 +394,7 @@ fn the_history_is_bounded() {
     let (code, text) = host.refusal(Op::Save);
     assert_eq!(code, Code::SNAPSHOT);
     assert!(
-        text.starts_with("64 snapshots are kept, which is the maximum: in a scenario, keep the number"),
+        text.starts_with("64 snapshots are kept, which is the maximum: forget one (`forget`, in a scenario"),
         "{text}"
     );
 }

@@ -27,7 +27,7 @@ const KEPT: usize = 8;
 /// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
-/// Directories of this process whose start has made something.
+/// The new files and directories of all starts in this process.
 static MADE: Mutex<Vec<Weak<Made>>> = Mutex::new(Vec::new());
 
 /// A directory, locked for the lifetime of this value.
@@ -37,11 +37,11 @@ pub struct Directory {
     open: Arc<directory::Directory>,
     /// The lock file; its lock is released when the file is closed.
     lock: Arc<File>,
-    /// What this value has made in the file system; `None` if that is nothing. It is removed again if it is unused.
+    /// The new files and directories, if there are any. The value removes them if they are unused.
     _made: Option<Arc<Made>>,
 }
 
-/// What a start has made in the file system.
+/// New files and directories of a start.
 #[derive(Debug)]
 struct Made {
     open: Arc<directory::Directory>,
@@ -51,7 +51,7 @@ struct Made {
 }
 
 impl Directory {
-    /// Removes what the starts in this process have made and not used. Only for a process that ends at once, because its
+    /// Removes the new files and directories of the starts in this process, if they are unused. Only for a process that ends at once, because its
     /// start takes too long.
     #[cfg(feature = "cli")]
     pub(crate) fn remove_unfinished() {
@@ -116,9 +116,10 @@ impl Directory {
             match directory::writing::try_lock(&lock) {
                 locked @ (Ok(true) | Err(_)) => {
                     let (path, has_made) = (path.to_owned(), has_new_lock || !directories.is_empty());
-                    let directories = directories.to_vec();
-                    let made = Made { open: Arc::clone(&open), lock: Arc::clone(&lock), directories };
-                    let made = has_made.then(|| made.begin());
+                    let made = has_made.then(|| {
+                        let directories = directories.to_vec();
+                        Made { open: Arc::clone(&open), lock: Arc::clone(&lock), directories }.begin()
+                    });
                     locked.map_err(failed("lock this directory"))?;
                     return Ok(Directory { path, open, lock, _made: made });
                 }
@@ -272,7 +273,7 @@ impl Drop for Made {
     }
 }
 
-/// Removes directories, the innermost first. A directory that is in use is not empty, and so it stays.
+/// Removes directories, the innermost first. A directory in use is not empty, and so it stays.
 fn remove_empty(directories: &[PathBuf]) {
     for directory in directories {
         let _ = std::fs::remove_dir(directory);

@@ -344,7 +344,8 @@ fn a_failed_last_write_is_an_error() {
     assert!(error.contains("lost") && error.contains("line.novram"), "{error}");
 }
 
-/// A directory that is unused disappears with its new parents, also while the emulator that has made it still has it open.
+/// An unused directory disappears with its new parents, also while its emulator still has it open.
+#[cfg(feature = "cli")]
 #[test]
 fn unused_directories_are_removed_with_the_parents_that_were_made_for_them() {
     let place = tempfile::tempdir().unwrap();

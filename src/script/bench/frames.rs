@@ -4,7 +4,7 @@ use super::Bench;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::devices::BUS_KINDS;
 use crate::identity::BusIndex;
-use crate::journal::{Record, Source};
+use crate::journal::{Record, Ring, Source};
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
@@ -279,15 +279,29 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Returns the frames on a bus that have ended at time `since` (microseconds) or later and that the journal still
-    /// keeps.
+    /// Returns the frames on a bus that have ended at time `since` (microseconds) or later. With the time 0, returns the
+    /// frames that the journal still keeps.
     ///
     /// # Errors
-    /// There is no such bus.
+    /// There is no such bus, or the journal may no longer have all of these frames.
     pub fn frames(&mut self, bus: &str, since: u64) -> Result<Vec<SeenFrame>, ScenarioError> {
         let bus = self.bus(bus)?;
-        let records = self.journal(since)?;
-        Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
+        let (records, _) = self.records(0)?;
+        if since > 0 {
+            // Numbers before the first record of the journal are no lost records.
+            let begin = self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin;
+            // Records before a return to an earlier moment are not newer than this moment.
+            let is_later = self.returned_us.is_some_and(|returned_us| since >= returned_us);
+            let first = if is_later { records.partition_point(|record| record.seq < begin) } else { 0 };
+            let kept = records.get(first..).unwrap_or_default();
+            if crate::journal::may_be_lost(kept, Ring::Traffic, begin, since) {
+                let right = "the journal no longer has all frames since this time: it keeps the last 65,536 of all buses, \
+                             fewer with telegrams; call `frames` more often, or with the time 0 for the frames that are left";
+                return Err(ScenarioError::argument(&format!("frames since {}", short(since)), right));
+            }
+        }
+        let records = records.iter().filter(|record| record.time_us >= since);
+        Ok(records.filter_map(|record| frame_of(record, bus)).collect())
     }
 
     /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps.

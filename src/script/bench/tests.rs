@@ -292,6 +292,36 @@ fn a_history_without_its_first_changes_is_an_error() -> Result<(), ScenarioError
     Ok(())
 }
 
+/// A ring of the journal has room for the frames of a few minutes.
+#[test]
+fn frames_since_a_time_that_the_journal_no_longer_has_are_an_error() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    let start = bench.now()?;
+    bench.step("1s")?;
+    let saved = bench.save()?;
+    let first = bench.frames("drives", start)?.first().cloned();
+    assert!(first.is_some());
+    let mut bound = 0..20;
+    while bound.next().is_some() && bench.frames("drives", 0)?.iter().any(|it| Some(it) == first.as_ref()) {
+        bench.step("30s")?;
+    }
+    let refused = message(bench.frames("drives", start));
+    assert!(refused.contains("the journal no longer has all frames since this time"), "{refused}");
+    let kept = bench.frames("drives", 0)?;
+    let late = kept[1].time_us;
+    assert_eq!(bench.frames("drives", late)?.len(), kept.iter().filter(|it| it.time_us >= late).count());
+    bench.back_to(saved)?;
+    bench.forget(saved)?;
+    // The journal does not keep these frames for a return.
+    assert!(message(bench.frames("drives", start)).contains("no longer has all frames"));
+    let returned = bench.now()?;
+    bench.step("1s")?;
+    assert!(bench.frames("drives", returned).is_ok_and(|frames| !frames.is_empty()));
+    assert!(message(bench.back_to(saved)).contains("snapshot"));
+    assert!(message(bench.forget(saved)).contains("snapshot"));
+    Ok(())
+}
+
 #[test]
 fn a_snapshot_can_be_restored_repeatedly() {
     let mut bench = Bench::built_in().unwrap();

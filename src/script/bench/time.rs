@@ -44,6 +44,16 @@ impl Bench {
         Ok(number)
     }
 
+    /// Deletes a snapshot, so that another one can be kept.
+    ///
+    /// # Errors
+    /// There is no such snapshot.
+    pub fn forget(&mut self, saved: u32) -> Result<(), ScenarioError> {
+        self.ask(Op::Forget { number: saved })?.written()?;
+        self.saved.retain(|number| *number != saved);
+        Ok(())
+    }
+
     /// Releases the snapshots of this bench. Errors are ignored: another client may have released a snapshot, and an
     /// ended instance keeps none.
     pub(in crate::script) fn forget_saved(&mut self) {
@@ -61,7 +71,7 @@ impl Bench {
     /// There is no such snapshot, or a client of a running instance takes part and cannot go back.
     pub fn back_to(&mut self, saved: u32) -> Result<(), ScenarioError> {
         self.note_required_faults()?;
-        self.ask(Op::BackTo { number: saved, detached: false })?.time()?;
+        self.returned_us = Some(self.ask(Op::BackTo { number: saved, detached: false })?.time()?);
         self.forget_required_faults()
     }
 

@@ -1,7 +1,7 @@
 //! A plant in this process or a running instance, with the verbs of scenarios.
 
 use crate::errors;
-use crate::given::{self, Data, Plant, Time, ValueArgument};
+use crate::given::{self, Data, Number, Plant, Time, ValueArgument};
 use crate::handle::Handle;
 use crate::instance;
 use crate::lock::{Guard, Lock};
@@ -324,8 +324,12 @@ impl PyBench {
         self.act(py, Bench::save)
     }
 
-    fn back_to(&self, py: Python<'_>, saved: u32) -> PyResult<()> {
-        self.act(py, |bench| bench.back_to(saved))
+    fn back_to(&self, py: Python<'_>, saved: Number<u32>) -> PyResult<()> {
+        self.act(py, |bench| bench.back_to(saved.0))
+    }
+
+    fn forget(&self, py: Python<'_>, saved: Number<u32>) -> PyResult<()> {
+        self.act(py, |bench| bench.forget(saved.0))
     }
 
     #[pyo3(signature = (port = ""))]
@@ -349,9 +353,9 @@ impl PyBench {
     }
 
     /// Checks once whether a wait has ended. The wait began at `start`, and its condition is in Python.
-    fn pass_or_fail(&self, py: Python<'_>, start: u64, within: u64) -> PyResult<()> {
+    fn pass_or_fail(&self, py: Python<'_>, start: Number<u64>, within: Number<u64>) -> PyResult<()> {
         let here = core::panic::Location::caller();
-        self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
+        self.take(py, |bench| bench.pass_or_fail(start.0, within.0, here), errors::of_wait)
     }
 
     fn expect(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
@@ -363,9 +367,9 @@ impl PyBench {
         py: Python<'_>,
         register: &str,
         value: ValueArgument,
-        tolerance: u32,
+        tolerance: Number<u32>,
     ) -> PyResult<()> {
-        self.act(py, |bench| bench.expect_near(register, value.0, tolerance))
+        self.act(py, |bench| bench.expect_near(register, value.0, tolerance.0))
     }
 
     fn expect_bits(
@@ -415,13 +419,13 @@ impl PyBench {
     }
 
     #[pyo3(signature = (event, plc = ""))]
-    fn event_count(&self, py: Python<'_>, event: usize, plc: &str) -> PyResult<u32> {
-        self.act(py, |bench| bench.event_count(plc, event))
+    fn event_count(&self, py: Python<'_>, event: Number<usize>, plc: &str) -> PyResult<u32> {
+        self.act(py, |bench| bench.event_count(plc, event.0))
     }
 
     #[pyo3(signature = (trigger, plc = ""))]
-    fn trigger_count(&self, py: Python<'_>, trigger: usize, plc: &str) -> PyResult<u32> {
-        self.act(py, |bench| bench.trigger_count(plc, trigger))
+    fn trigger_count(&self, py: Python<'_>, trigger: Number<usize>, plc: &str) -> PyResult<u32> {
+        self.act(py, |bench| bench.trigger_count(plc, trigger.0))
     }
 
     fn fault(&self, py: Python<'_>, words: &str) -> PyResult<u16> {
@@ -435,8 +439,8 @@ impl PyBench {
         })
     }
 
-    fn clear_fault(&self, py: Python<'_>, number: u16) -> PyResult<()> {
-        self.act(py, |bench| bench.clear_fault(number))
+    fn clear_fault(&self, py: Python<'_>, number: Number<u16>) -> PyResult<()> {
+        self.act(py, |bench| bench.clear_fault(number.0))
     }
 
     fn clear_faults(&self, py: Python<'_>) -> PyResult<()> {
@@ -469,16 +473,16 @@ impl PyBench {
         &self,
         py: Python<'_>,
         bus: &str,
-        identifier: u32,
+        identifier: Number<u32>,
         data: Data,
         extended: bool,
     ) -> PyResult<()> {
-        self.act(py, |bench| bench.send_frame(bus, identifier, extended, &data.0))
+        self.act(py, |bench| bench.send_frame(bus, identifier.0, extended, &data.0))
     }
 
     #[pyo3(signature = (bus, identifier, extended = false))]
-    fn rtr(&self, py: Python<'_>, bus: &str, identifier: u32, extended: bool) -> PyResult<()> {
-        self.act(py, |bench| bench.rtr(bus, identifier, extended))
+    fn rtr(&self, py: Python<'_>, bus: &str, identifier: Number<u32>, extended: bool) -> PyResult<()> {
+        self.act(py, |bench| bench.rtr(bus, identifier.0, extended))
     }
 
     #[pyo3(signature = (bus, identifier, data, within, extended = false, mask = None))]
@@ -487,16 +491,16 @@ impl PyBench {
         &self,
         py: Python<'_>,
         bus: &str,
-        identifier: u32,
+        identifier: Number<u32>,
         data: Data,
         within: Time,
         extended: bool,
-        mask: Option<u16>,
+        mask: Option<Number<u16>>,
     ) -> PyResult<Frame> {
-        let seen = match standard(identifier, extended, mask)? {
+        let seen = match standard(identifier.0, extended, mask)? {
             None => self.take(
                 py,
-                |bench| bench.expect_extended_frame(bus, identifier, &data.0, within.0),
+                |bench| bench.expect_extended_frame(bus, identifier.0, &data.0, within.0),
                 errors::of_wait,
             ),
             Some((id, mask)) => self.take(
@@ -513,14 +517,14 @@ impl PyBench {
         &self,
         py: Python<'_>,
         bus: &str,
-        identifier: u32,
+        identifier: Number<u32>,
         within: Time,
         extended: bool,
-        mask: Option<u16>,
+        mask: Option<Number<u16>>,
     ) -> PyResult<()> {
-        match standard(identifier, extended, mask)? {
+        match standard(identifier.0, extended, mask)? {
             None => {
-                self.take(py, |bench| bench.expect_no_extended_frame(bus, identifier, within.0), errors::of)
+                self.take(py, |bench| bench.expect_no_extended_frame(bus, identifier.0, within.0), errors::of)
             }
             Some((id, mask)) => {
                 self.take(py, |bench| bench.expect_no_frame(bus, id, mask, within.0), errors::of)
@@ -528,19 +532,19 @@ impl PyBench {
         }
     }
 
-    #[pyo3(signature = (bus, since = 0))]
-    fn frames(&self, py: Python<'_>, bus: &str, since: u64) -> PyResult<Vec<Frame>> {
-        self.take(py, |bench| Ok(bench.frames(bus, since)?.iter().map(frame).collect()), errors::of)
+    #[pyo3(signature = (bus, since = Number(0)))]
+    fn frames(&self, py: Python<'_>, bus: &str, since: Number<u64>) -> PyResult<Vec<Frame>> {
+        self.take(py, |bench| Ok(bench.frames(bus, since.0)?.iter().map(frame).collect()), errors::of)
     }
 
-    #[pyo3(signature = (since = 0))]
-    fn journal(&self, py: Python<'_>, since: u64) -> PyResult<Vec<Record>> {
-        self.take(py, |bench| records(bench, since), errors::of)
+    #[pyo3(signature = (since = Number(0)))]
+    fn journal(&self, py: Python<'_>, since: Number<u64>) -> PyResult<Vec<Record>> {
+        self.take(py, |bench| records(bench, since.0), errors::of)
     }
 
-    #[pyo3(signature = (count = 40))]
-    fn journal_lines(&self, py: Python<'_>, count: usize) -> PyResult<Vec<String>> {
-        let lines = self.take(py, |bench| bench.last_entries(count), errors::of)?;
+    #[pyo3(signature = (count = Number(40)))]
+    fn journal_lines(&self, py: Python<'_>, count: Number<usize>) -> PyResult<Vec<String>> {
+        let lines = self.take(py, |bench| bench.last_entries(count.0), errors::of)?;
         Ok(lines.into_iter().map(|line| line.text).collect())
     }
 
@@ -593,11 +597,11 @@ fn areas(bench: &Bench) -> Vec<String> {
 }
 
 /// Returns the identifier and the mask of a frame with an 11-bit identifier. `None` for an identifier of 29 bits.
-fn standard(identifier: u32, extended: bool, mask: Option<u16>) -> PyResult<Option<(u16, u16)>> {
+fn standard(identifier: u32, extended: bool, mask: Option<Number<u16>>) -> PyResult<Option<(u16, u16)>> {
     match (extended, mask, u16::try_from(identifier)) {
         (true, None, _) => Ok(None),
         (true, Some(_), _) => Err(PyValueError::new_err("masks are for identifiers of 11 bits")),
-        (false, mask, Ok(id)) => Ok(Some((id, mask.unwrap_or(0x7FF)))),
+        (false, mask, Ok(id)) => Ok(Some((id, mask.map_or(0x7FF, |mask| mask.0)))),
         (false, _, Err(_)) => {
             let text = format!(
                 "16#{identifier:X}: identifiers have 11 bits, 0 to 16#7FF; those with more are extended"

@@ -19,6 +19,43 @@ fn integer(given: &Bound<'_, PyAny>, right: &str) -> PyResult<i64> {
     })
 }
 
+/// A number that is not negative.
+pub(crate) struct Number<T>(pub T);
+
+impl<'py, T: TryFrom<u64> + Unsigned> FromPyObject<'_, 'py> for Number<T> {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let out_of_range = || PyValueError::new_err(format!("{}: a number from 0 to {}", &*given, T::MOST));
+        let number: u64 = given.extract().map_err(|error: PyErr| {
+            if error.is_instance_of::<PyOverflowError>(given.py()) { out_of_range() } else { error }
+        })?;
+        T::try_from(number).map(Number).map_err(|_| out_of_range())
+    }
+}
+
+/// An unsigned type of Rust.
+pub(crate) trait Unsigned {
+    /// The largest number of the type.
+    const MOST: u64;
+}
+
+impl Unsigned for u16 {
+    const MOST: u64 = u16::MAX as u64;
+}
+
+impl Unsigned for u32 {
+    const MOST: u64 = u32::MAX as u64;
+}
+
+impl Unsigned for u64 {
+    const MOST: u64 = u64::MAX;
+}
+
+impl Unsigned for usize {
+    const MOST: u64 = usize::MAX as u64;
+}
+
 /// A value for a register: an integer or a text such as `16#0040`.
 pub(crate) struct ValueArgument(pub Value);
 

@@ -72,6 +72,34 @@ def test_values_that_do_not_fit_are_refused(emulator):
     assert emulator["node2.w_CPU_CONTROL"] == 2
 
 
+def test_numbers_out_of_range_are_refused(emulator):
+    calls = {
+        "journal": (), "journal_lines": (), "back_to": (), "forget": (), "clear_fault": (), "event_count": (),
+        "trigger_count": (), "frames": ("drives",), "rtr": ("drives",), "expect_near": ("node2.b_BT_0", 0),
+    }
+    for name, first in calls.items():
+        for number in (-1, 1 << 64, -(1 << 70)):
+            with pytest.raises(ValueError, match="a number from 0 to"):
+                getattr(emulator, name)(*first, number)
+        with pytest.raises(TypeError):
+            getattr(emulator, name)(*first, "1")
+    for call in (emulator.send_frame, emulator.expect_frame):
+        with pytest.raises(ValueError, match="-1: a number from 0 to 4294967295"):
+            call("drives", -1, "", *(["1ms"] if call == emulator.expect_frame else []))
+    with pytest.raises(ValueError, match="from 0 to 65535"):
+        emulator.expect_frame("drives", 1, "", "1ms", mask=65536)
+
+
+def test_a_forgotten_snapshot_makes_room(emulator):
+    saved = [emulator.save() for _ in range(64)]
+    with pytest.raises(commram.Error, match=r"64 snapshots are kept.*forget\(saved\)"):
+        emulator.save()
+    emulator.forget(saved[0])
+    assert emulator.save() not in saved
+    with pytest.raises(commram.Error, match="snapshot"):
+        emulator.back_to(saved[0])
+
+
 def test_names_are_checked_and_errors_suggest_the_right_one(emulator):
     for name in ("node2.w_CPU", "node3.w_CPU_CONTROL", "other:node2.w_CPU_CONTROL", "%MW3.200001", "%MX3", ""):
         with pytest.raises(KeyError) as refused:

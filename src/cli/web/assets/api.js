@@ -59,7 +59,10 @@ const query = (fields) => {
   return pairs.length ? `?${new URLSearchParams(pairs)}` : "";
 };
 
-const here = (rest) => `/instances/${encodeURIComponent(server.instance)}/${rest}`;
+function here(rest) {
+  if (server.instance === null) throw new Problem(0, { detail: "no instance is chosen; choose one first" });
+  return `/instances/${encodeURIComponent(server.instance)}/${rest}`;
+}
 
 /** Exchanges the token for the key of a session. */
 export async function signIn(token) {
@@ -94,7 +97,7 @@ export const show = async (what, fields) => Object.values(await send("GET", here
 /** Converts words of the command line, such as `{ poke: "node2.w_X=1" }`, to operations. */
 export const operationsFor = (words) => show("operations", words);
 
-export const look = (operation, fields) => send("GET", here(operation) + query(fields));
+export const look = async (operation, fields) => send("GET", here(operation) + query(fields));
 
 const PART = 1024;
 
@@ -118,7 +121,7 @@ export async function readPast(count) {
   return past;
 }
 
-export const post = (operation, fields) => send("POST", here(operation), fields);
+export const post = async (operation, fields) => send("POST", here(operation), fields);
 
 /** A stream of events. EventSource cannot send the key of the session. */
 export class EventStream extends EventTarget {

@@ -113,7 +113,14 @@ class Feed {
     for (const [listener, data] of calls) listener(data);
   }
 
+  #close() {
+    this.#source?.close();
+    this.#source = null;
+    this.#path = "";
+  }
+
   #open() {
+    if (server.instance === null) return this.#close();
     if (document.hidden) return;
     const [follow, values] = [new Set(), new Set()];
     const fields = { clock: 1 };

@@ -24,6 +24,7 @@ _VERBS = (
     "step",
     "save",
     "back_to",
+    "forget",
     "step_to_sync",
     "wait",
     "wait_bits",
