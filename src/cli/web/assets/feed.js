@@ -238,12 +238,6 @@ class Feed {
     setTimeout(() => this.#connect(), 1_500);
   }
 
-  #close() {
-    this.#source?.close();
-    this.#source = null;
-    this.#path = "";
-  }
-
   /**
    * Closes the stream while the page is hidden, because browsers allow only six connections to a server, and when the browser freezes
    * the page: a stream does not continue after that.
