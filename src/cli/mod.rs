@@ -49,6 +49,7 @@ mod progress;
 mod run;
 mod session;
 mod shell;
+mod signals;
 mod snapshot;
 mod soak;
 mod speed;
@@ -227,6 +228,7 @@ commands! {
 /// Parses the command line, runs the command and returns the exit code of the process. A program with devices of its
 /// own calls [`devices::register`](crate::devices::register) before this function.
 pub fn main() -> ExitCode {
+    signals::unblock();
     let allowed = limits::of_command::allow_stack()
         .and_then(|()| limits::space::allow_memory(limits::of_command::OF_A_COMMAND));
     match allowed {

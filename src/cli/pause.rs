@@ -2,12 +2,11 @@
 
 use super::error::CliError;
 use super::exit::Exit;
-use super::output;
+use super::{output, signals};
 use crate::channel::ClientError;
 use crate::request::Code;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -96,7 +95,7 @@ impl Pause {
 
     fn on_signals() -> io::Result<Self> {
         let (signals, sender) = UnixStream::pair()?;
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in signals::termination() {
             let again = Arc::new(AtomicBool::new(false));
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&again))?;
             signal_hook::flag::register(signal, again)?;

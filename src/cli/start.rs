@@ -2,7 +2,7 @@
 
 use super::error::CliError;
 use super::given;
-use super::{dump, log, number, output, plant_check, snapshot};
+use super::{dump, log, number, output, plant_check, signals, snapshot};
 use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
@@ -12,7 +12,7 @@ use crate::plant::{FollowError, PlantConfig};
 use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
 use core::num::NonZero;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT};
 use signal_hook::iterator::SignalsInfo;
 use signal_hook::iterator::exfiltrator::WithRawSiginfo;
 use std::path::{Path, PathBuf};
@@ -298,7 +298,7 @@ impl TerminationSignals {
     /// # Errors
     /// The operating system refuses the request.
     pub(crate) fn take() -> Result<Self, CliError> {
-        let signals = SignalsInfo::new([SIGINT, SIGTERM, SIGHUP]);
+        let signals = SignalsInfo::new(signals::termination());
         let signals = signals.map_err(|reason| CliError::Signals { reason })?;
         let has_any = Arc::new(AtomicBool::new(false));
         output::give_up_after(Arc::clone(&has_any));

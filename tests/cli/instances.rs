@@ -4,7 +4,7 @@ use crate::common::{Emulator, commram, eventually, files_of, finish, remove_rema
 use commram::devices;
 use commram::memory::AttachMode;
 use std::io::Write;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const TWO_PLCS: &str = "\
@@ -107,6 +107,25 @@ fn signals_end_the_emulator_in_good_order_without_remaining_files() {
             assert_eq!(emulator.complaints(), "");
         }
     }
+}
+
+#[test]
+fn a_signal_ends_the_emulator_unless_its_parent_ignores_it() {
+    let start = |option: &str| {
+        let mut command = Command::new("env");
+        command.arg(option).arg(commram().get_program());
+        Emulator::start_by(command, &unique_name(), &["--clock", "stepped"])
+    };
+    for signal in ["TERM", "HUP"] {
+        let mut emulator = start(&format!("--block-signal={signal}"));
+        emulator.signal(&format!("-{signal}"));
+        assert_eq!(emulator.wait().code(), Some(0), "{signal}");
+    }
+    let mut emulator = start("--ignore-signal=HUP");
+    emulator.signal("-HUP");
+    (0..10).for_each(|_| drop(emulator.step(&["1ms"])));
+    emulator.signal("-TERM");
+    assert_eq!(emulator.wait().code(), Some(0));
 }
 
 #[test]

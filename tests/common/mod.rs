@@ -283,6 +283,11 @@ impl Emulator {
     pub(crate) fn start_with(name: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Self {
         let mut command = commram();
         command.envs(environment.iter().copied());
+        Self::start_by(command, name, args)
+    }
+
+    /// Does the same as [`Emulator::start_as`] by a command that has only the program so far.
+    pub(crate) fn start_by(mut command: Command, name: &str, args: &[&str]) -> Self {
         command.arg("run").args(args).args(["-i", name]).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let err = collect(child.stderr.take().unwrap());

@@ -3,9 +3,8 @@
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;
 use crate::cli::with::ended_early;
-use crate::cli::{output, stop};
+use crate::cli::{output, signals, stop};
 use rustix::process::{Pid, Signal};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
@@ -30,7 +29,7 @@ impl Interrupts {
     /// The operating system refuses the operation.
     pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in signals::termination() {
             // The handlers run in the order of their registration. The conditional handler, which ends the process if
             // the flag is set, comes first, so the first signal only sets the flag.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))

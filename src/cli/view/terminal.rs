@@ -8,6 +8,7 @@ use super::style::Theme;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::instance::Instance;
+use crate::cli::signals;
 use crate::cli::start::in_thread;
 use crate::cli::style;
 use ratatui::backend::CrosstermBackend;
@@ -20,7 +21,6 @@ use ratatui::layout::{Rect, Size};
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io;
 use std::mem::ManuallyDrop;
 use std::panic;
@@ -73,7 +73,7 @@ fn give_back() {
 /// The terminal is closed or cannot be used.
 pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let ended = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
+    for signal in signals::termination() {
         // A second signal ends the process at once, in case the view hangs.
         let code = Exit::Interrupted.code().into();
         signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&ended))

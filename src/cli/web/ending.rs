@@ -6,9 +6,9 @@ use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
 use crate::cli::session::Session;
+use crate::cli::signals;
 use crate::cli::start::{end_at_second_ctrl_c, in_thread};
 use crate::memory::RunningInstance;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::io;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -
     let refused = |reason: io::Error| CliError::Signals { reason };
     end_at_second_ctrl_c()?;
     output::give_up_after(Arc::clone(&by_signal));
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(refused)?;
+    let mut signals = Signals::new(signals::termination()).map_err(refused)?;
     in_thread(move || {
         for _ in signals.forever() {
             by_signal.store(true, Ordering::Relaxed);

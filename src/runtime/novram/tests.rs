@@ -426,7 +426,8 @@ fn a_start_makes_a_directory_again_that_another_emulator_removes() {
         drop(directory);
     };
     std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(|| (0..100).for_each(until_there)))));
-    assert!(!path.exists());
+    // The directory itself may remain if two emulators remove and use it at the same time.
+    assert!(fs::read_dir(&path).map_or(true, |mut entries| entries.next().is_none()));
 }
 
 #[test]
