@@ -228,7 +228,7 @@ impl DpMaster {
                         (true, _) => Step::Data,
                         // A slave that has not received the configuration, but has repeated an earlier receipt, is
                         // never ready.
-                        (false, Step::Accepted) if now - since < NOT_READY_US => {
+                        (false, Step::Accepted) if now.saturating_sub(since) < NOT_READY_US => {
                             state.not_ready_since = Some(since);
                             Step::Accepted
                         }
