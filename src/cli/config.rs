@@ -1,5 +1,6 @@
 //! The configuration file `commram.toml`: defaults of a user or a directory for options.
 
+use super::output;
 use super::style::ColourMode;
 use super::table::Format;
 use crate::input_file;
@@ -68,7 +69,8 @@ fn load() -> &'static (Config, Vec<String>) {
                 Ok(None) => continue,
                 Err(reason) => reason,
             };
-            notes.push(format!("{source}{} is ignored: {reason}", path.display()));
+            let path = output::in_one_line(&path.to_string_lossy());
+            notes.push(format!("{source}{path} is ignored: {reason}"));
         }
         (all, notes)
     })

@@ -13,15 +13,15 @@ const INTERVAL: Duration = Duration::from_secs(1);
 const CLEAR: &str = "\r\x1b[K";
 
 /// Executes `work`. If it takes long and the standard error output is a terminal, shows real and emulated time on the
-/// terminal. `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if known.
-pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work: impl FnOnce() -> R) -> R {
+/// terminal. `emulated` returns the emulated time. `advance_us` is the time by which `work` advances the clock, if known.
+pub(crate) fn shown<R>(
+    advance_us: Option<u64>,
+    emulated: &(dyn Fn() -> Option<u64> + Sync),
+    work: impl FnOnce() -> R,
+) -> R {
     if !io::stderr().is_terminal() || output::is_quiet() {
         return work();
     }
-    let emulated = || {
-        let attached = Image::attach(instance, plc, AttachMode::ReadOnly, None).ok();
-        attached.map(|image| image.header_snapshot().virtual_time_us.load())
-    };
     let begin_us = emulated();
     let (running, over) = mpsc::channel::<()>();
     std::thread::scope(|scope| {
@@ -41,6 +41,12 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work:
         drop(running);
         outcome
     })
+}
+
+/// Returns the emulated time of an instance with the PLC `plc`, in microseconds; `None` if it cannot be read.
+pub(crate) fn emulated_us(instance: &str, plc: &str) -> Option<u64> {
+    let attached = Image::attach(instance, plc, AttachMode::ReadOnly, None).ok()?;
+    Some(attached.header_snapshot().virtual_time_us.load())
 }
 
 /// Emulated times of the work, in microseconds.

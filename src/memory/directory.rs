@@ -46,10 +46,24 @@ impl Directory {
         Ok(fs::openat(&self.0, name, OFlags::RDONLY | CAREFULLY, Mode::empty())?.into())
     }
 
-    /// Opens the file `name` for reading and writing. Creates a missing file, accessible to this user only.
-    pub(crate) fn read_write(&self, name: &str) -> Result<File, Errno> {
-        let flags = OFlags::RDWR | OFlags::CREATE | CAREFULLY;
-        Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
+    /// Opens the file `name` for reading and writing. Creates a missing file, accessible to this user only, and then also
+    /// returns true.
+    pub(crate) fn open_or_create(&self, name: &str) -> Result<(File, bool), Errno> {
+        let open = |flags: OFlags| {
+            let flags = OFlags::RDWR | CAREFULLY | flags;
+            fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR).map(File::from)
+        };
+        loop {
+            match open(OFlags::CREATE | OFlags::EXCL) {
+                Err(Errno::EXIST) => {}
+                created => return created.map(|file| (file, true)),
+            }
+            match open(OFlags::empty()) {
+                // Another process has removed the file in the meantime.
+                Err(Errno::NOENT) => {}
+                opened => return opened.map(|file| (file, false)),
+            }
+        }
     }
 
     /// Returns a path to the directory for this process, valid even if the directory was renamed.
@@ -78,9 +92,9 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let directory = Directory::open_itself(parent.path()).unwrap();
         let mode = || {
-            let file = directory.read_write("new").unwrap();
-            file.metadata().unwrap().permissions().mode() & 0o777
+            let (file, is_new) = directory.open_or_create("new").unwrap();
+            (file.metadata().unwrap().permissions().mode() & 0o777, is_new)
         };
-        assert_eq!([mode(), mode()], [0o600; 2], "made, and then opened");
+        assert_eq!([mode(), mode()], [(0o600, true), (0o600, false)]);
     }
 }

@@ -93,8 +93,8 @@ impl PrivateDir {
     /// Opens or creates the file `name` in the directory, for reading and writing. `None` if the directory itself has
     /// been removed.
     pub(crate) fn open_file(&self, name: &str) -> io::Result<Option<File>> {
-        match self.directory.read_write(name) {
-            Ok(file) => Ok(Some(file)),
+        match self.directory.open_or_create(name) {
+            Ok((file, _)) => Ok(Some(file)),
             Err(Errno::NOENT) => Ok(None),
             Err(errno) => Err(errno.into()),
         }

@@ -87,6 +87,8 @@ fn messages_name_the_variable_of_a_wrong_value() {
     let outcome = with("COMMRAM_CONFIG", "/nonexistent/commram.toml", &["list"]);
     let expected = "COMMRAM_CONFIG: /nonexistent/commram.toml is ignored: the file does not exist";
     assert!(outcome.code == Some(0) && outcome.err.contains(expected), "{}", outcome.err);
+    let outcome = with("COMMRAM_CONFIG", "/nonexistent/a\nb", &["list"]);
+    assert!(outcome.err.contains("COMMRAM_CONFIG: /nonexistent/a\\nb is ignored: "), "{}", outcome.err);
     for (variable, value, option) in [
         ("COMMRAM_INSTANCE", "", "--instance <NAME>"),
         ("COMMRAM_INSTANCE", "a/b", "--instance <NAME>"),

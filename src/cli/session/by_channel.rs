@@ -12,12 +12,15 @@ use crate::plural::plural;
 use crate::request::InstanceInfo;
 use crate::request::{Code, MAX_OPS, MAX_RANGE, Op, Reply, WrongReply, read_journal};
 use crate::time;
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Maximum number of registers that a request can read, in addition to the time and the forces.
 const MAX_READS: usize = MAX_OPS - 2;
+/// A clock that advances by less than this part of the requested time within the patience of a client nearly stands still.
+const SLOWEST: u64 = 100;
 /// Maximum number of bytes that a request reads. The replies of a request are limited, too.
 const MAX_BYTES: u32 = 4 * MAX_RANGE;
 
@@ -170,8 +173,10 @@ impl Session {
             return Err(no_channel(&self.instance));
         };
         let plc = self.plcs.first().map_or("", String::as_str);
-        let replies =
-            progress::shown(&self.instance, plc, advance(ops), || send(client, &self.instance, ops));
+        let instance = self.instance.as_str();
+        let emulated_us = || progress::emulated_us(instance, plc);
+        let work = || send(client, instance, ops, &emulated_us);
+        let replies = progress::shown(advance(ops), &emulated_us, work);
         replies.map_err(|error| self.explain(error, client, ops))
     }
 
@@ -365,13 +370,26 @@ fn without_channel(instance: &str) -> Option<CliError> {
 }
 
 /// Sends the operations as one request. While the emulator returns to an earlier moment, waits for the reply without a
-/// limit.
+/// limit. While the emulator advances the clock, waits as long as it does not nearly stand still. `emulated_us` returns
+/// the emulated time.
 ///
 /// # Errors
 /// The emulator did not reply to the request.
-pub(crate) fn send(client: &Client, instance: &str, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
+pub(crate) fn send(
+    client: &Client,
+    instance: &str,
+    ops: &[Op],
+    emulated_us: &dyn Fn() -> Option<u64>,
+) -> Result<Vec<Reply>, ClientError> {
     let travels = ops.iter().any(Op::travels);
-    client.request_while(ops, &|| travels && answers_nobody(instance))
+    let wanted: u64 = ops.iter().map(Op::advances_us).sum();
+    let last = Cell::new(Some(wanted).filter(|us| *us > 0).and_then(|_| emulated_us()));
+    let advances = || {
+        let now = emulated_us();
+        let advanced = now.zip(last.replace(now)).map(|(now, last)| now.saturating_sub(last));
+        advanced.is_some_and(|us| us > wanted / SLOWEST)
+    };
+    client.request_while(ops, &|| if travels { answers_nobody(instance) } else { advances() })
 }
 
 /// True if the emulator runs, but does not answer. An emulator that executes the request of another client answers requests

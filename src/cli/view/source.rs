@@ -75,7 +75,8 @@ impl Source for RunningInstance {
             RequestKind::Poll => LOOK,
             RequestKind::Task => WORK,
         });
-        let replies = send(&self.client, &self.instance, ops).map_err(|error| match error {
+        let emulated_us = || Some(self.images.first()?.header_snapshot().virtual_time_us.load());
+        let replies = send(&self.client, &self.instance, ops, &emulated_us).map_err(|error| match error {
             ClientError::Timeout { .. } => RequestError::Busy,
             gone => RequestError::Gone(gone.to_string()),
         })?;

@@ -109,8 +109,8 @@ impl Directory {
         let stat = open.stat().map_err(|errno| failed("look at this directory")(errno.into()))?;
         let user = rustix::process::geteuid().as_raw();
         judge(path, &stat, user)?;
-        let has_new_lock = matches!(open.stat_of(LOCK), Err(Errno::NOENT));
-        let (lock, open) = (Arc::new(lock_file(path, &open, user)?), Arc::new(open));
+        let (lock, has_new_lock) = lock_file(path, &open, user)?;
+        let (lock, open) = (Arc::new(lock), Arc::new(open));
         let since = Instant::now();
         loop {
             match directory::writing::try_lock(&lock) {
@@ -299,13 +299,13 @@ fn not_a_file(path: PathBuf, found: FileType) -> NovramError {
     NovramError::NotAFile { path, found }
 }
 
-/// Opens the lock file, which only `user` can open; creates a missing one.
-fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result<File, NovramError> {
+/// Opens the lock file, which only `user` can open. Creates a missing one, and then also returns true.
+fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result<(File, bool), NovramError> {
     let path = path.join(LOCK);
     let failed =
         |errno: Errno| NovramError::Io { path: path.clone(), doing: "open it", source: errno.into() };
-    let file = match directory.read_write(LOCK) {
-        Ok(file) => file,
+    let (file, is_new) = match directory.open_or_create(LOCK) {
+        Ok(opened) => opened,
         Err(Errno::LOOP) => return Err(not_a_file(path, FileType::Symlink)),
         Err(Errno::ISDIR) => return Err(not_a_file(path, FileType::Directory)),
         Err(Errno::NXIO | Errno::NODEV) => return Err(not_a_file(path, FileType::Unknown)),
@@ -319,7 +319,7 @@ fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result
     }
     // The file may have other rights, for example because a user has copied the directory.
     rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR).map_err(failed)?;
-    Ok(file)
+    Ok((file, is_new))
 }
 
 /// Refuses a directory in which other users than `user` could exchange files.

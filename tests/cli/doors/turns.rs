@@ -68,6 +68,24 @@ fn questions_and_answers(steps: &[&str]) -> String {
     emulator.run("trace", &["--format", "jsonl", "--bus", "open"]).ok().to_owned()
 }
 
+/// A client waits 10 s and the time of its step for a reply. A guest that is slow, but acts, needs more.
+#[test]
+fn a_step_waits_while_a_slow_guest_lets_the_clock_advance() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let mut guest = Guest::open(port(&emulator));
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            for _ in 0..10 {
+                assert_eq!(turn(&mut guest, 10_000).0, Vec::<String>::new());
+                std::thread::sleep(Duration::from_millis(1200));
+            }
+            assert_eq!(guest.ask("C"), "\r");
+        });
+        seated(&emulator, 1);
+        assert_eq!(emulator.step(&["100ms"]), "0.100000 s");
+    });
+}
+
 #[test]
 fn emulated_time_waits_for_guests_and_the_journal_is_reproducible() {
     let journal = questions_and_answers(&["40ms"]);
