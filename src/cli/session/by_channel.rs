@@ -19,7 +19,7 @@ use std::time::Duration;
 
 /// Maximum number of registers that a request can read, in addition to the time and the forces.
 const MAX_READS: usize = MAX_OPS - 2;
-/// A clock that advances by less than this part of the requested time within the patience of a client nearly stands still.
+/// A clock that advances by less than this part of the requested time within the patience of a client counts as stopped.
 const SLOWEST: u64 = 100;
 /// Maximum number of bytes that a request reads. The replies of a request are limited, too.
 const MAX_BYTES: u32 = 4 * MAX_RANGE;
@@ -142,7 +142,7 @@ impl Session {
         }
     }
 
-    /// Does the same as [`Session::request`]. Operations that do not fit into one request, or whose replies do not, follow
+    /// Does the same as [`Session::request`]. If the operations or their replies do not fit into one request, the others follow
     /// in further requests.
     ///
     /// # Errors
@@ -370,7 +370,7 @@ fn without_channel(instance: &str) -> Option<CliError> {
 }
 
 /// Sends the operations as one request. While the emulator returns to an earlier moment, waits for the reply without a
-/// limit. While the emulator advances the clock, waits as long as it does not nearly stand still. `emulated_us` returns
+/// limit. While the emulator advances the clock, waits until the clock has stopped. `emulated_us` returns
 /// the emulated time.
 ///
 /// # Errors
