@@ -212,6 +212,9 @@ class Check:
         """Inferred bits have the number of the decision."""
         self.choose_register("baps.w_CONTROLWORD")
         self.page.until("document.querySelector('.detail .bits')?.textContent.includes('(inferred D-87)')")
+        # The search finds values as the page shows them.
+        self.page.enter(".searchbar input", "16#0020")
+        self.page.until("document.querySelectorAll('.rows-body .row').length > 0")
 
     def force(self):
         self.choose_register("node1.w_CPU_CONTROL")

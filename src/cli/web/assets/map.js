@@ -23,7 +23,7 @@ export function mapOf(plc) {
 function prepared(entry, plc) {
   const ranges = [...entry.name.matchAll(/\[(\d+)\.\.(\d+)\]/g)].map(([, from, to]) => [Number(from), Number(to)]);
   const count = ranges.reduce((product, [from, to]) => product * (to - from + 1), 1);
-  const search = `${entry.name} ${entry.meaning} ${entry.address} ${entry.structure} ${entry.values.map((it) => it.meaning).join(" ")} ${entry.bits.map((it) => `${it.name} ${it.meaning}`).join(" ")}`;
+  const search = `${entry.name} ${entry.meaning} ${entry.address} ${entry.structure} ${entry.values.map((it) => `${it.hex} ${it.meaning}`).join(" ")} ${entry.bits.map((it) => `${it.name} ${it.meaning}`).join(" ")}`;
   return { ...entry, plc, plcNumber: entry.plc, ranges, count, form: formOf(entry.name), search: search.toLowerCase() };
 }
 
