@@ -72,7 +72,7 @@ enum NoPlace {
     #[error("an instance has places for {MAX_GUESTS} guests, and all are taken; let a guest leave")]
     Taken,
     #[error(
-        "no place is free until the next step of the clock: the plant has not yet received the last frames of departed guests"
+        "no place is free: departed guests still have frames; advance the clock until their buses have sent them"
     )]
     Kept,
 }

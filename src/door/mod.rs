@@ -34,7 +34,7 @@ pub use wire::BusMessage;
 /// Maximum number of guests of an instance at a time.
 pub const MAX_GUESTS: usize = 64;
 /// Maximum number of guests in the list of an instance. The list includes disconnected guests, until the plant has
-/// taken their last frames. With a stepped clock, the plant takes them at the next step. In real time, if this maximum
+/// taken their last frames. With a stepped clock, the plant takes them as soon as the bus has room. In real time, if this maximum
 /// is reached, the last frames of the guest that disconnected first are discarded.
 pub const MAX_KNOWN_GUESTS: usize = 192;
 /// Maximum number of frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets
