@@ -703,6 +703,25 @@ def frozen(program, browser):
         emulator.stop()
 
 
+def other_plant(program, browser):
+    """A register that the present plant does not have stops no other value."""
+    emulator = Emulator(program, "--clock", "stepped")
+    try:
+        page = Page(browser)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('#nav a').length > 5")
+        page.value(f"localStorage.setItem('commram.followed.{emulator.name}', JSON.stringify(['line:node2.w_CPU_CONTROL', 'gone:dp.w_X'])); location.hash = '#/{emulator.name}/followed'; location.reload(); true")
+        page.until("document.querySelector('.chips')?.textContent.includes('(not in this plant)')")
+        page.until("document.querySelectorAll('.chips .chip').length === 2")
+        emulator.run("step", "1ms")
+        page.until("document.querySelector('#clock .time')?.textContent === '0.001000 s'")
+        # The browser reports the refused request for the map of the unknown PLC itself.
+        page.complaints()
+    finally:
+        emulator.stop()
+
+
 def objects(program, browser):
     """The object dictionary of a node marks inferred objects and default values."""
     with tempfile.TemporaryDirectory() as directory:
@@ -771,6 +790,7 @@ def main():
         restarted(program, browser)
         frozen(program, browser)
         objects(program, browser)
+        other_plant(program, browser)
         real_time(program, browser)
         debugging(program, browser, given)
         if given.load:

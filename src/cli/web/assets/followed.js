@@ -6,6 +6,7 @@ import { Chart } from "./chart.js";
 import { shortName } from "./conditions.js";
 import { feed, keyOf } from "./feed.js";
 import { RowList } from "./list.js";
+import { entryOf } from "./map.js";
 import { showError } from "./messages.js";
 import { onPins, pinned, togglePin } from "./pins.js";
 import { digits, duration, hex, seconds, short, signed } from "./values.js";
@@ -24,6 +25,7 @@ export function followedPage(root, rest, context) {
   offs.push(onPins(() => page.start()));
   page.start();
   return () => {
+    page.isOpen = false;
     offs.forEach((off) => off());
     feed.leave("followed");
     page.rows.observer.disconnect();
@@ -31,6 +33,11 @@ export function followedPage(root, rest, context) {
 }
 
 class FollowedPage {
+  isOpen = true;
+  /** The followed registers that the plant has. */
+  names = [];
+  points = new Map();
+  changes = [];
   /** Length of the plot's time axis in emulated time, in microseconds. */
   spanUs = 100_000;
 
@@ -51,11 +58,20 @@ class FollowedPage {
       h("div", { class: "line" }, h("h2", { class: "grow" }, "Changes"), h("label", { class: "line" }, this.stick, "Latest")), this.rows.element);
   }
 
-  start() {
-    this.names = pinned();
+  /** Follows the chosen registers. The plant may be another one than at the time of the choice, and may not have all of them. */
+  async start() {
+    const chosen = pinned();
+    const entryFor = (key) => entryOf(key.slice(0, key.indexOf(":")), key.slice(key.indexOf(":") + 1)).catch(() => null);
+    const entries = await Promise.all(chosen.map(entryFor));
+    if (!this.isOpen || `${chosen}` !== `${pinned()}`) return;
+    this.names = chosen.filter((_, at) => entries[at]);
     feed.want("followed", { follow: this.names });
-    const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { class: "plain", label: `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
-    fill(this.list, this.names.length ? this.names.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
+    const chip = (key) => {
+      const at = this.names.indexOf(key);
+      const name = at < 0 ? `${shortName(key)} (not in this plant)` : shortName(key);
+      return h("li", { class: at < 0 ? "chip muted" : `chip k${at % 6}` }, h("span", { class: "mono" }, name), h("button", { class: "plain", label: `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
+    };
+    fill(this.list, chosen.length ? chosen.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
     this.readAgain();
   }
 
