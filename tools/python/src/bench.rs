@@ -532,17 +532,17 @@ impl PyBench {
         }
     }
 
-    #[pyo3(signature = (bus, since = Number(0)))]
+    #[pyo3(signature = (bus, since = Number(0)), text_signature = "($self, bus, since=0)")]
     fn frames(&self, py: Python<'_>, bus: &str, since: Number<u64>) -> PyResult<Vec<Frame>> {
         self.take(py, |bench| Ok(bench.frames(bus, since.0)?.iter().map(frame).collect()), errors::of)
     }
 
-    #[pyo3(signature = (since = Number(0)))]
+    #[pyo3(signature = (since = Number(0)), text_signature = "($self, since=0)")]
     fn journal(&self, py: Python<'_>, since: Number<u64>) -> PyResult<Vec<Record>> {
         self.take(py, |bench| records(bench, since.0), errors::of)
     }
 
-    #[pyo3(signature = (count = Number(40)))]
+    #[pyo3(signature = (count = Number(40)), text_signature = "($self, count=40)")]
     fn journal_lines(&self, py: Python<'_>, count: Number<usize>) -> PyResult<Vec<String>> {
         let lines = self.take(py, |bench| bench.last_entries(count.0), errors::of)?;
         Ok(lines.into_iter().map(|line| line.text).collect())
