@@ -396,6 +396,7 @@ class Check:
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "poke")
         self.page.click("#clock button", "Step")
         self.waits_for(self.time_us, 3_000, "step")
+        self.page.until("document.querySelector('button.record').textContent === 'Recording: 2'")
         # A reload of the page keeps the recording.
         self.page.open("about:blank")
         self.page.open(f"{self.origin}#/{self.emulator.name}/registers")
@@ -729,12 +730,13 @@ def objects(program, browser):
         plant.write_text(CANOPEN)
         emulator = Emulator(program, str(plant), "--clock", "stepped")
         try:
+            # The page lists the nodes of the journal.
+            emulator.run("step", "5s")
             page = Page(browser)
             page.open("about:blank")
             page.open(emulator.address)
             page.until("document.querySelectorAll('#nav a').length > 5")
             page.value(f"location.hash = '#/{emulator.name}/canopen'; true")
-            emulator.run("step", "5s")
             page.until("document.querySelector('main table')?.textContent.includes('Node 5')")
             page.until("document.querySelector('main').textContent.includes('device type (inferred D-451)')")
             page.click("main button", "Node 32")
