@@ -150,6 +150,7 @@ impl Interrupt {
 
 impl OptInit {
     /// Stores the result of `request`.
+    #[cfg(feature = "emulator")]
     pub(crate) fn answer(&self, request: u32, result: OptInitResult) {
         self.result.store(result.code());
         self.answer.store(request);
