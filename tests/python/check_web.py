@@ -618,29 +618,32 @@ def load(program, browser):
         emulator.stop()
 
 
-def read_only(program, browser):
-    """The page of a server that only reads disables its controls and says why."""
-    emulator = Emulator(program, "--clock", "stepped", web=["--read-only"])
-    try:
-        page = Page(browser)
-        page.open("about:blank")
-        page.open(emulator.address)
-        page.until("document.querySelectorAll('[data-acts]').length > 5")
-        page.until("[...document.querySelectorAll('[data-acts]')].every((it) => it.disabled && it.title.includes('--read-only'))")
-        page.until("document.getElementById('notice').textContent.includes('Read-only')")
-        assert not (wrong := page.complaints()), wrong
-    finally:
-        emulator.stop()
-
-
-def real_time(program, browser):
-    """The speed of a real-time clock, and its pause."""
-    emulator = Emulator(program)
+@contextlib.contextmanager
+def opened(program, browser, *arguments, **options):
+    """An emulator and its page after the page has loaded."""
+    emulator = Emulator(program, *arguments, **options)
     try:
         page = Page(browser)
         page.open("about:blank")
         page.open(emulator.address)
         page.until("document.querySelectorAll('#nav a').length > 5")
+        yield emulator, page
+    finally:
+        emulator.stop()
+
+
+def read_only(program, browser):
+    """The page of a server that only reads disables its controls and says why."""
+    with opened(program, browser, "--clock", "stepped", web=["--read-only"]) as (emulator, page):
+        page.until("document.querySelectorAll('[data-acts]').length > 5")
+        page.until("[...document.querySelectorAll('[data-acts]')].every((it) => it.disabled && it.title.includes('--read-only'))")
+        page.until("document.getElementById('notice').textContent.includes('Read-only')")
+        assert not (wrong := page.complaints()), wrong
+
+
+def real_time(program, browser):
+    """The speed of a real-time clock, and its pause."""
+    with opened(program, browser) as (emulator, page):
         check = Check(emulator, page)
         speed = lambda: emulator.json("status")[0]["speed"]
         page.click("#clock button", "Pause")
@@ -657,8 +660,6 @@ def real_time(program, browser):
         page.key(" ")
         check.waits_for(speed, 10, "continued")
         assert not (wrong := page.complaints()), wrong
-    finally:
-        emulator.stop()
 
 
 def restarted(program, browser):
@@ -681,11 +682,7 @@ def restarted(program, browser):
 
 def frozen(program, browser):
     """A page that the browser has frozen shows the present state when it continues."""
-    emulator = Emulator(program, "--clock", "stepped")
-    try:
-        page = Page(browser)
-        page.open("about:blank")
-        page.open(emulator.address)
+    with opened(program, browser, "--clock", "stepped") as (emulator, page):
         shows = lambda time: page.until(f"document.querySelector('#clock .time')?.textContent === '{time} s'")
         shows("0.000000")
         other = browser.ask("Target.createTarget", url="about:blank")["targetId"]
@@ -700,18 +697,11 @@ def frozen(program, browser):
         emulator.run("step", "1ms")
         shows("0.002000")
         assert not (wrong := page.complaints()), wrong
-    finally:
-        emulator.stop()
 
 
 def other_plant(program, browser):
     """A register that the present plant does not have stops no other value."""
-    emulator = Emulator(program, "--clock", "stepped")
-    try:
-        page = Page(browser)
-        page.open("about:blank")
-        page.open(emulator.address)
-        page.until("document.querySelectorAll('#nav a').length > 5")
+    with opened(program, browser, "--clock", "stepped") as (emulator, page):
         page.value(f"localStorage.setItem('commram.followed.{emulator.name}', JSON.stringify(['line:node2.w_CPU_CONTROL', 'gone:dp.w_X'])); location.hash = '#/{emulator.name}/followed'; location.reload(); true")
         page.until("document.querySelector('.chips')?.textContent.includes('(not in this plant)')")
         page.until("document.querySelectorAll('.chips .chip').length === 2")
@@ -719,8 +709,6 @@ def other_plant(program, browser):
         page.until("document.querySelector('#clock .time')?.textContent === '0.001000 s'")
         # The browser reports the refused request for the map of the unknown PLC itself.
         page.complaints()
-    finally:
-        emulator.stop()
 
 
 def objects(program, browser):
@@ -728,22 +716,15 @@ def objects(program, browser):
     with tempfile.TemporaryDirectory() as directory:
         plant = Path(directory, "plant.toml")
         plant.write_text(CANOPEN)
-        emulator = Emulator(program, str(plant), "--clock", "stepped")
-        try:
-            # The page lists the nodes of the journal.
+        with opened(program, browser, str(plant), "--clock", "stepped") as (emulator, page):
+            # The page CANopen lists the nodes of the journal.
             emulator.run("step", "5s")
-            page = Page(browser)
-            page.open("about:blank")
-            page.open(emulator.address)
-            page.until("document.querySelectorAll('#nav a').length > 5")
             page.value(f"location.hash = '#/{emulator.name}/canopen'; true")
             page.until("document.querySelector('main table')?.textContent.includes('Node 5')")
             page.until("document.querySelector('main').textContent.includes('device type (inferred D-451)')")
             page.click("main button", "Node 32")
             page.until("document.querySelector('main').textContent.includes('CS0015_G (inferred D-407)')")
             assert not (wrong := page.complaints()), wrong
-        finally:
-            emulator.stop()
 
 
 def debugging(program, browser, given):

@@ -225,10 +225,8 @@ fn replies(
             op => {
                 let file = if has_file(op) { uploads.take(session) } else { Vec::new() };
                 let parts: Vec<_> = Op::bring(&file).collect();
-                for parts in parts.chunks(MAX_OPS) {
-                    let written = connection.session.request(parts)?;
-                    written.into_iter().try_for_each(|reply| reply.written()).map_err(CliError::from)?;
-                }
+                let written = connection.session.request_in_parts(&parts)?;
+                written.into_iter().try_for_each(|reply| reply.written()).map_err(CliError::from)?;
                 connection
                     .session
                     .replies(core::slice::from_ref(op))?
