@@ -30,28 +30,42 @@ const STEPS_PER_LOOK: u64 = 64;
 /// Stack in bytes that a hook may use, counted from its call.
 const MOST_STACK: usize = 1 << 20;
 
-/// Number of steps in the present millisecond. Snapshots contain it, so that after a return to a snapshot a
-/// script stops at the same step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Steps and time of a device's script in the present millisecond. Snapshots contain the steps, so that after a return to a
+/// snapshot the script stops at the same step. They do not contain the time: a device that goes back begins to measure anew.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Budget {
     millisecond: u64,
     used: u64,
+    #[serde(skip)]
+    time: Time,
+}
+
+/// Real time of calls.
+#[derive(Clone, Copy, Debug, Default)]
+struct Time {
+    /// Elapsed time. It is counted until it exceeds [`UNMEASURED`].
+    elapsed: Duration,
+    /// Processor time, counted when the elapsed time has exceeded [`UNMEASURED`].
+    of_processor: Duration,
 }
 
 impl Budget {
-    /// Begins a call at `now`. Returns the number of steps that the call may take.
-    pub(super) fn begin(&mut self, now: u64) -> u64 {
+    /// Begins a call at the emulated time `now`, in microseconds. `meter` counts its steps and its time. `weight` is that of
+    /// the heaviest value to which the call has access without a variable: `this`, or a constant.
+    pub(super) fn begin(&mut self, meter: &Meter, now: u64, weight: u64) {
         let millisecond = now / 1000;
         if self.millisecond != millisecond {
-            *self = Budget { millisecond, used: 0 };
+            *self = Budget { millisecond, ..Budget::default() };
         }
         self.used = self.used.saturating_add(CALL);
-        MOST_OPERATIONS.saturating_sub(self.used)
+        meter.begin(MOST_OPERATIONS.saturating_sub(self.used), self.time, weight);
     }
 
-    /// Ends the call of the script, which has taken `operations` steps.
-    pub(super) fn end(&mut self, operations: u64) {
-        self.used = self.used.saturating_add(operations);
+    /// Ends the call that `meter` has measured.
+    pub(super) fn end(&mut self, meter: &Meter) {
+        meter.measure();
+        self.time = meter.time.get();
+        self.used = self.used.saturating_add(meter.operations());
     }
 }
 
@@ -65,13 +79,8 @@ pub(super) struct Meter {
     /// Number of steps from which the weight of `this` must be determined again.
     next_weighing: Cell<u64>,
     bottom: Cell<usize>,
-    /// The millisecond of emulated time of the last call.
-    millisecond: Cell<u64>,
-    /// Elapsed time of all calls in this millisecond. It is counted until it exceeds [`UNMEASURED`].
-    elapsed: Cell<Duration>,
-    /// Processor time of all calls in this millisecond, counted when the elapsed time has exceeded
-    /// [`UNMEASURED`].
-    used: Cell<Duration>,
+    /// Time of the script in this millisecond.
+    time: Cell<Time>,
     /// Last reading of a clock in this call.
     last: Cell<Read>,
 }
@@ -93,13 +102,9 @@ pub(super) enum Exceeded {
 }
 
 impl Meter {
-    /// Begins a call at the emulated time `now`, in microseconds. The call may take `allowed` steps. `weight` is that of the
-    /// heaviest value to which the call has access without a variable: `this`, or a constant.
-    pub(super) fn begin(&self, allowed: u64, now: u64, weight: u64) {
-        if self.millisecond.replace(now / 1000) != now / 1000 {
-            self.elapsed.set(Duration::ZERO);
-            self.used.set(Duration::ZERO);
-        }
+    /// Begins a call that may take `allowed` steps, of a script that has taken `time` in this millisecond.
+    fn begin(&self, allowed: u64, time: Time, weight: u64) {
+        self.time.set(time);
         self.last.set(self.read());
         self.operations.set(0);
         self.allowed.set(allowed);
@@ -108,14 +113,15 @@ impl Meter {
         self.bottom.set(stack_position());
     }
 
-    /// Ends the measurement of a call.
-    pub(super) fn end(&self) {
-        self.measure();
+    /// Begins a measurement without a limit for the steps.
+    #[cfg(test)]
+    pub(super) fn begin_unlimited(&self) {
+        self.begin(u64::MAX, Time::default(), 0);
     }
 
     /// Reads the time that counts now.
     fn read(&self) -> Read {
-        let is_of_processor = self.elapsed.get() > UNMEASURED;
+        let is_of_processor = self.time.get().elapsed > UNMEASURED;
         let clock = if is_of_processor { ClockId::ThreadCPUTime } else { ClockId::Monotonic };
         // The clock of the thread does not count the time in which other programs run.
         Read { is_of_processor, time: Duration::try_from(clock_gettime(clock)).unwrap_or_default() }
@@ -123,13 +129,14 @@ impl Meter {
 
     /// Counts the time since the last read. Returns true if the calls in this millisecond have taken too long.
     fn measure(&self) -> bool {
-        let (last, now) = (self.last.get(), self.read());
-        let sum = if last.is_of_processor { &self.used } else { &self.elapsed };
-        sum.set(sum.get() + now.time.saturating_sub(last.time));
+        let (last, now, mut time) = (self.last.get(), self.read(), self.time.get());
+        let sum = if last.is_of_processor { &mut time.of_processor } else { &mut time.elapsed };
+        *sum += now.time.saturating_sub(last.time);
+        self.time.set(time);
         // If the limit for the elapsed time is exceeded now, the next reading uses the other clock.
-        let changes_clock = !last.is_of_processor && self.elapsed.get() > UNMEASURED;
+        let changes_clock = !last.is_of_processor && time.elapsed > UNMEASURED;
         self.last.set(if changes_clock { self.read() } else { now });
-        self.used.get() > LONGEST_TIME.saturating_sub(UNMEASURED)
+        time.of_processor > LONGEST_TIME.saturating_sub(UNMEASURED)
     }
 
     /// Number of steps that the present call has taken.
@@ -187,27 +194,32 @@ mod tests {
 
     #[test]
     fn steps_count_within_a_millisecond() {
-        let mut budget = Budget::default();
+        let (mut budget, meter) = (Budget::default(), Meter::default());
+        let mut allowed = |now, steps| {
+            budget.begin(&meter, now, 0);
+            meter.charge(steps);
+            budget.end(&meter);
+            meter.allowed.get()
+        };
         let most = MOST_OPERATIONS - CALL;
-        assert_eq!(budget.begin(500), most);
-        budget.end(most);
-        assert_eq!((budget.begin(999), budget.begin(1000)), (0, most));
+        assert_eq!([allowed(500, most), allowed(999, 0), allowed(1000, 0)], [most, 0, most]);
     }
 
     #[test]
     fn a_call_ends_after_its_steps() {
         let meter = Meter::default();
-        meter.begin(2, 0, 0);
+        let begin = |allowed, weight| meter.begin(allowed, Time::default(), weight);
+        begin(2, 0);
         assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
         assert_eq!(meter.operations(), 3);
-        meter.begin(10, 0, 4 * WEIGHT_OF_STEP);
+        begin(10, 4 * WEIGHT_OF_STEP);
         assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
-        meter.begin(2, 0, 0);
+        begin(2, 0);
         meter.access(WEIGHT_OF_ACCESS - 1);
         assert_eq!(meter.step(), None);
         meter.access(WEIGHT_OF_ACCESS);
         assert_eq!(meter.step(), Some(Exceeded::Operations));
-        meter.begin(10, 0, 0);
+        begin(10, 0);
         assert!(!meter.is_weighing_due());
         meter.charge(STEPS_PER_WEIGHING);
         assert!(meter.is_weighing_due());
@@ -216,20 +228,25 @@ mod tests {
     }
 
     #[test]
-    fn calls_of_a_millisecond_share_its_processor_time() {
-        let meter = Meter::default();
-        meter.begin(u64::MAX, 1000, 0);
-        let mut steps = 0_u64;
-        while meter.step() != Some(Exceeded::Time) {
-            steps += 1;
+    fn calls_of_one_device_in_a_millisecond_share_its_processor_time() {
+        let (meter, mut slow) = (Meter::default(), Budget::default());
+        slow.begin(&meter, 1000, 0);
+        while !meter.measure() {
             std::hint::black_box((0..10_000).map(std::hint::black_box).sum::<u64>());
         }
-        meter.end();
-        assert!(steps > STEPS_PER_LOOK, "the first read finds little time");
-        let first_look = |now| {
-            meter.begin(u64::MAX, now, 0);
-            (0..STEPS_PER_LOOK).find_map(|_| meter.step())
+        slow.end(&meter);
+        let saved = postcard::to_allocvec(&slow).unwrap();
+        let first_look = |budget: &mut Budget, now| {
+            budget.begin(&meter, now, 0);
+            let exceeded = (0..STEPS_PER_LOOK).find_map(|_| meter.step());
+            budget.end(&meter);
+            exceeded
         };
-        assert_eq!((first_look(1999), first_look(2000)), (Some(Exceeded::Time), None));
+        assert_eq!(first_look(&mut slow, 1999), Some(Exceeded::Time));
+        // Another device of the same folder has the same meter.
+        assert_eq!(first_look(&mut Budget::default(), 1999), None);
+        let mut returned = postcard::from_bytes::<Budget>(&saved).unwrap();
+        assert_eq!((returned.used, first_look(&mut returned, 1999)), (CALL, None));
+        assert_eq!(first_look(&mut slow, 2000), None);
     }
 }

@@ -70,11 +70,10 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         }
         // Runs the statements outside of functions. They may be constants and imports; a verb causes an error
         // here. All files together may take the steps of one millisecond.
-        meter.begin(budget.begin(0), 0, constants);
+        budget.begin(&meter, 0, constants);
         let mut scope = Scope::new();
         let ran = engine.run_ast_with_scope(&mut scope, &ast);
-        meter.end();
-        budget.end(meter.operations());
+        budget.end(&meter);
         constants = scope.iter_raw().map(|(.., value)| weight::of(value)).fold(constants, u64::max);
         ran.map_err(|error| {
             let mistake = Mistake::ran(&error, &engine, &script.files, 0);

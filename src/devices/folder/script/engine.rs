@@ -159,8 +159,8 @@ mod tests {
             let progress = Rc::clone(&meter);
             engine.on_progress(move |_| progress.step().map(Dynamic::from));
             let begin = Rc::clone(&meter);
-            engine.register_fn("before", move || begin.begin(u64::MAX, 0, 0));
-            meter.begin(u64::MAX, 0, 0);
+            engine.register_fn("before", move || begin.begin_unlimited());
+            meter.begin_unlimited();
             let result = engine.run(&script).map_err(|error| format!("{operation}: {error}"));
             result.map(|()| meter.operations())
         };

@@ -71,10 +71,8 @@ impl ScriptFirmware {
             timers: mem::take(&mut self.timers),
             reports: Vec::new(),
         };
-        let allowed = self.budget.begin(ctx.now);
-        let Outcome { result, acting, operations } =
-            program.call(acting, allowed, &mut self.state, function, arguments);
-        self.budget.end(operations);
+        let Outcome { result, acting } =
+            program.call(acting, &mut self.budget, &mut self.state, function, arguments);
         if let Some(acting) = acting {
             card.give_back(acting.card);
             self.timers = acting.timers;

@@ -1,6 +1,6 @@
 //! A compiled script of this thread.
 
-use super::budget::Meter;
+use super::budget::{Budget, Meter};
 use super::check::WRITTEN;
 use super::engine::engine;
 use super::functions::Functions;
@@ -46,8 +46,6 @@ pub(super) struct Outcome {
     pub(super) result: Result<(), Mistake>,
     /// The device after the call; always `Some`.
     pub(super) acting: Option<Acting>,
-    /// Number of steps that the call has taken.
-    pub(super) operations: u64,
 }
 
 impl Program {
@@ -95,11 +93,11 @@ impl Program {
         })
     }
 
-    /// Calls a function with `state` as `this`, and takes over the changes of `this`.
+    /// Calls a function with `state` as `this`, and takes over the changes of `this`. Counts its steps and time in `budget`.
     pub(super) fn call(
         &self,
         acting: Acting,
-        allowed: u64,
+        budget: &mut Budget,
         state: &mut State,
         function: &str,
         arguments: Vec<Dynamic>,
@@ -107,14 +105,14 @@ impl Program {
         let mut this = self.live.borrow_mut().take(state);
         let now = acting.now;
         self.context.borrow_mut().acting = Some(acting);
-        self.meter.begin(allowed, now, state.weight().max(self.constants));
+        budget.begin(&self.meter, now, state.weight().max(self.constants));
         // After the call, the state is compared and saved.
         self.meter.access(state.weight());
         let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
         let (mut scope, given) = (Scope::new(), arguments.len());
         let result =
             self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
-        self.meter.end();
+        budget.end(&self.meter);
         let acting = self.context.borrow_mut().acting.take();
         let result = match result {
             Ok(_) => self.live.borrow_mut().put_back(this, state).map_err(|what| {
@@ -122,7 +120,7 @@ impl Program {
             }),
             Err(error) => Err(self.placed(Mistake::ran(&error, &self.engine, &self.files, given), function)),
         };
-        Outcome { result, acting, operations: self.meter.operations() }
+        Outcome { result, acting }
     }
 
     /// Adds a line to an error. If the engine reports no line, for example in an empty loop, adds the line of
