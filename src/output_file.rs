@@ -9,6 +9,7 @@
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, TryLockError};
 use std::io::{ErrorKind, Result, Write};
+use std::os::fd::{IntoRawFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Component, Path, PathBuf};
@@ -128,11 +129,30 @@ impl<'a> Prepared<'a> {
     }
 
     fn finish(self) -> Result<()> {
-        let Some((begun, place)) = self.begun else { return fs::write(self.path, self.bytes) };
+        let Some((begun, place)) = self.begun else { return overwrite(self.path, self.bytes) };
         match fs::rename(&begun.0, place) {
-            Err(reason) if is_only_in_place(&reason) => fs::write(self.path, self.bytes),
+            Err(reason) if is_only_in_place(&reason) => overwrite(self.path, self.bytes),
             renamed => renamed,
         }
+    }
+}
+
+fn overwrite(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    close(file.into())
+}
+
+/// Closes a file that was written. File systems such as NFS store the content of a file only then, even if it has another
+/// descriptor.
+///
+/// # Errors
+/// The content could not be stored, for example because the server's disk is full.
+pub(crate) fn close(file: OwnedFd) -> Result<()> {
+    // SAFETY: the descriptor is owned, and nothing uses it any more.
+    match unsafe { libc::close(file.into_raw_fd()) } {
+        0 => Ok(()),
+        _ => Err(std::io::Error::last_os_error()),
     }
 }
 
@@ -174,6 +194,7 @@ fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinishe
     let own = like.filter(|like| like.uid() == rustix::process::geteuid().as_raw());
     own.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
     file.write_all(bytes)?;
+    close(file.into())?;
     Ok(unfinished)
 }
 

@@ -292,7 +292,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
 
 /// Prints an error unless it was printed before, and returns the exit code.
 fn finish(result: Result<(), CliError>) -> ExitCode {
-    let code = match result {
+    let code = match result.and_then(|()| output::check_stored()) {
         Ok(()) => Exit::Done.code(),
         Err(error) => {
             if !error.is_reported() {

@@ -9,6 +9,7 @@ use crate::plain_text::is_interpreted;
 pub(crate) use bounded::give_up_after;
 use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
+use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,6 +30,17 @@ pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
         Err(CliError::BrokenPipe) => Ok(()),
         other => other,
     }
+}
+
+/// Checks that the standard output is stored, for the end of a command. Some file systems report only at `close` that a disk is
+/// full.
+///
+/// # Errors
+/// [`CliError::Output`]: the output cannot be stored.
+pub(super) fn check_stored() -> Result<(), CliError> {
+    // Without a free descriptor this cannot be checked.
+    let Ok(copy) = io::stdout().as_fd().try_clone_to_owned() else { return Ok(()) };
+    output_file::close(copy).map_err(|reason| CliError::Output { reason })
 }
 
 /// Writes the output to the file that the user has named; `-` is the standard output.

@@ -138,8 +138,11 @@ fn meanings(out: &mut String, macros: &mut UsedNames, scope: &Scope) {
         }
         let _ = writeln!(out, "\n/* {}, for example of {}. */", meaning.name, register.name);
         for constant in constants {
-            let value =
-                if constant.is_shift { constant.value.to_string() } else { hex(register.ty, constant.value) };
+            let value = match constant.number(register.ty) {
+                negative @ ..0 => format!("({negative})"),
+                shift if constant.kind == constants::Kind::Shift => shift.to_string(),
+                _ => hex(register.ty, constant.value),
+            };
             let name = macros.add(free_name(&format!("COMMRAM_{}", constant.name)));
             let _ = writeln!(out, "#define {name} {value} /* {} */", constant.text);
         }

@@ -2,7 +2,7 @@
 
 use super::Scope;
 use super::names::UsedNames;
-use crate::layout::{BitField, Meaning, ValueMeaning};
+use crate::layout::{BitField, Meaning, RegType, ValueMeaning};
 
 /// A number with the name that generated code uses.
 #[derive(Debug, PartialEq, Eq)]
@@ -13,13 +13,29 @@ pub(crate) struct Constant {
     pub value: u32,
     /// Meaning of the value or the bits.
     pub text: String,
-    /// True if `value` is not a value, but the number of the lowest bit of a field.
-    pub is_shift: bool,
+    pub kind: Kind,
+}
+
+/// What the number of a constant is.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// The value of a whole register.
+    Value,
+    /// The mask of bits, or the value of a field at its position.
+    Bits,
+    /// The number of the lowest bit of a field.
+    Shift,
 }
 
 impl Constant {
     fn new(name: String, value: u32, text: impl Into<String>) -> Self {
-        Self { name, value, text: text.into(), is_shift: false }
+        Self { name, value, text: text.into(), kind: Kind::Bits }
+    }
+
+    /// Returns the number that programs compare with a register of type `ty`. It is negative for a value with the sign bit of a
+    /// signed register.
+    pub(crate) fn number(&self, ty: RegType) -> i64 {
+        if self.kind == Kind::Value { ty.number(self.value) } else { self.value.into() }
     }
 }
 
@@ -32,23 +48,29 @@ pub struct Enumeration {
     pub is_flags: bool,
     /// The members of the enumeration: for each, the name without the prefix of the enumeration, the value, and the
     /// meaning.
-    pub members: Vec<(String, u32, String)>,
+    pub members: Vec<(String, i64, String)>,
     /// Constants for the number of a field's lowest bit, with their full names. They are not members of the
     /// enumeration.
     pub shifts: Vec<(String, u32)>,
 }
 
 impl Enumeration {
-    /// Returns the enumeration of a meaning.
-    pub(crate) fn of(meaning: &Meaning) -> Self {
+    /// Returns the enumeration of a meaning of registers of type `ty`.
+    pub(crate) fn of(meaning: &Meaning, ty: RegType) -> Self {
         let prefix = upper(meaning.name);
-        let (shifts, members): (Vec<_>, Vec<_>) = of(meaning).into_iter().partition(|it| it.is_shift);
+        let (shifts, members): (Vec<_>, Vec<_>) =
+            of(meaning).into_iter().partition(|it| it.kind == Kind::Shift);
+        let is_flags = !meaning.bits.is_empty();
         let mut used = UsedNames::default();
-        let member = |it: Constant| (used.add(own_name(&prefix, &it.name)), it.value, it.text);
+        let mut member = |it: Constant| {
+            // Python inverts a negative flag.
+            let number = if is_flags { it.value.into() } else { it.number(ty) };
+            (used.add(own_name(&prefix, &it.name)), number, it.text)
+        };
         Self {
-            members: members.into_iter().map(member).collect(),
+            members: members.into_iter().map(&mut member).collect(),
             shifts: shifts.into_iter().map(|it| (own_name("", &it.name), it.value)).collect(),
-            is_flags: !meaning.bits.is_empty(),
+            is_flags,
             name: own_name("", &prefix),
         }
     }
@@ -57,7 +79,8 @@ impl Enumeration {
 /// Returns the enumerations of all registers in a scope, in the order of the registers. No two enumerations or constants
 /// outside of them have the same name.
 pub fn enumerations(scope: &Scope) -> Vec<Enumeration> {
-    let mut all: Vec<_> = scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect();
+    let mut all: Vec<_> =
+        scope.meanings().iter().map(|(meaning, register)| Enumeration::of(meaning, register.ty)).collect();
     let mut used = UsedNames::default();
     all.iter_mut().for_each(|of| used.reserve(&mut of.name));
     all.iter_mut().flat_map(|of| &mut of.shifts).for_each(|(name, _)| used.reserve(name));
@@ -77,6 +100,7 @@ pub(crate) fn fields(meaning: &Meaning) -> Vec<(&'static BitField, String)> {
 /// constants.
 pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     let mut constants = values(&upper(meaning.name), meaning.values, 0);
+    constants.iter_mut().for_each(|constant| constant.kind = Kind::Value);
     for field in meaning.bits.iter().filter(|field| !field.reserved) {
         bits(&mut constants, meaning, field);
     }
@@ -119,7 +143,7 @@ fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
     }
     constants.push(Constant::new(format!("{name}_MASK"), field.mask(), about(field)));
     let shift = Constant::new(format!("{name}_SHIFT"), field.first.into(), "lowest bit of it");
-    constants.push(Constant { is_shift: true, ..shift });
+    constants.push(Constant { kind: Kind::Shift, ..shift });
     constants.extend(values(&name, field.values, field.first));
 }
 
@@ -186,6 +210,7 @@ pub(crate) fn upper(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE as OMEGA;
     use crate::devices::samples::tables::NODES as DEVICE;
     use crate::export::Scope;
     use std::collections::BTreeSet;
@@ -206,6 +231,20 @@ mod tests {
         let word = constants("cfg_word");
         assert!(word.contains(&pair("CFG_WORD_NUMBER_MASK", 0x3C)), "{word:?}");
         assert!(word.contains(&pair("CFG_WORD_NUMBER_SHIFT", 2)), "{word:?}");
+    }
+
+    #[test]
+    fn values_of_signed_registers_have_a_sign_and_bits_have_none() {
+        let meanings = Scope::new(&OMEGA, None).unwrap().meanings();
+        let numbers = |name: &str| {
+            let (meaning, register) = *meanings.iter().find(|(known, _)| known.name == name).unwrap();
+            let of = Enumeration::of(meaning, register.ty);
+            (register.ty, of.members.into_iter().map(|(.., number, _)| number).collect::<Vec<_>>())
+        };
+        let (ty, results) = numbers("baps_result");
+        assert!(ty == RegType::Int && results.contains(&-1), "{results:?}");
+        let (ty, releases) = numbers("sw_release");
+        assert!(ty == RegType::Int && releases.contains(&0xFF00), "{releases:?}");
     }
 
     #[test]

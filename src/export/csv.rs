@@ -2,7 +2,7 @@
 
 use super::rows;
 use super::scope::Scope;
-use crate::layout::{AreaStructure, Provenance, Register, format_value};
+use crate::layout::{AreaStructure, Provenance, RegisterRef, format_value};
 use std::borrow::Cow;
 
 const HEAD: [&str; 15] = [
@@ -40,7 +40,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
             rows::live(found.area, placed).to_owned(),
             format!("{}.{}", placed.variable, found.path()),
             register.page.to_owned(),
-            provenance(placed, register),
+            provenance(&found),
             register.meaning.map_or("", |meaning| meaning.name).to_owned(),
             register.doc.to_owned(),
         ];
@@ -49,10 +49,13 @@ pub(crate) fn generate(scope: &Scope) -> String {
     text
 }
 
-/// Lists the inferred facts about a line, including the name of the variable.
-fn provenance(placed: &AreaStructure, register: &Register) -> String {
-    let [name, offset, ty, owner, reset] = register.facts();
-    Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])
+/// Lists the inferred facts about a line, including the phase, and the names of area, structure and variable.
+fn provenance(found: &RegisterRef) -> String {
+    let AreaStructure { structure, variable_from, live, .. } = found.placed;
+    let [name, offset, ty, owner, reset] = found.register.facts();
+    let (area, structure) = (("area", found.area.name_from), ("structure", structure.name_from));
+    let (live, variable) = (("live", found.area.phase_source(*live)), ("variable", *variable_from));
+    Provenance::summary(&[area, name, offset, ty, owner, reset, structure, live, variable])
 }
 
 /// Joins cells to a line, with quotes where a cell needs them. A spreadsheet shows each text as it is, and does not

@@ -82,6 +82,7 @@ fn area(area: &Area) -> Value {
         json!({
             "structure": placed.structure.name,
             "live": rows::live(area, placed),
+            "live_provenance": area.phase_source(placed.live).to_string(),
             "variable": placed.variable,
             "variable_provenance": placed.variable_from.to_string(),
         })

@@ -41,10 +41,7 @@ impl Group {
 
     /// Description of the type: the origin of its name, and the inferred facts about its registers.
     pub(crate) fn about(&self) -> String {
-        let name = match self.first.group_type_from.decision() {
-            Some(decision) => format!(" Name of the type: inferred, {decision}."),
-            None => String::new(),
-        };
+        let name = text::source_of_type(self.first.group_type_from);
         let sources = text::sources(self.registers).map(|sources| format!(" {sources}")).unwrap_or_default();
         format!("Sub-structure {}.{name}{sources}", self.member_name())
     }

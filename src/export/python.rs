@@ -88,7 +88,8 @@ fn enumeration(out: &mut String, of: &Enumeration) {
         let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
         let _ = writeln!(out, "\n\nclass {}(enum.{base}):", free_name(&of.name));
         for (name, value, text) in &of.members {
-            let _ = writeln!(out, "    {name} = 0x{value:X}  # {text}");
+            let number = if *value < 0 { value.to_string() } else { format!("0x{value:X}") };
+            let _ = writeln!(out, "    {name} = {number}  # {text}");
         }
     }
     if !of.shifts.is_empty() {

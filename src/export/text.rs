@@ -1,7 +1,7 @@
 //! Texts that several formats use.
 
 use super::scope::Scope;
-use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Structure};
+use crate::layout::{Area, AreaStructure, DeviceLayout, Dim, Provenance, Register, Structure};
 use std::collections::BTreeSet;
 
 /// Returns the text of the comment at the head of every exported file.
@@ -19,6 +19,9 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     if let Some(decisions) = names_from(device) {
         banner
             .push(format!("Names of areas, and of variables for which it has none, are ours ({decisions})."));
+    }
+    if let Some(decisions) = phases_from(device) {
+        banner.push(format!("The phases in which overlaid structures are valid are inferred ({decisions})."));
     }
     banner.push(
         "Each fact that it does not state names the decision (D-nn) it follows from. The pages decisions.md in docs"
@@ -72,9 +75,23 @@ pub(crate) fn command(scope: &Scope, format: &str) -> String {
     format!("commram export {format} --device {device}{block}")
 }
 
-/// Returns the decisions that define names of areas; `None` if all names come from the manual.
+/// Returns the decisions that define names of areas and variables; `None` if all names come from the manual.
 pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
-    let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
+    let of_area = |area: &'static Area| {
+        let variables = area.structures.iter().map(|placed| placed.variable_from);
+        variables.chain([area.name_from])
+    };
+    decisions(device.areas.iter().flat_map(of_area))
+}
+
+/// Returns the decisions that define in which phases overlaid structures are valid; `None` if the manual does.
+pub(crate) fn phases_from(device: &DeviceLayout) -> Option<String> {
+    let sources = |area: &'static Area| area.structures.iter().map(|placed| area.phase_source(placed.live));
+    decisions(device.areas.iter().flat_map(sources))
+}
+
+fn decisions(sources: impl Iterator<Item = Provenance>) -> Option<String> {
+    let decisions: BTreeSet<_> = sources.filter_map(Provenance::decision).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
 }
 
@@ -139,13 +156,18 @@ pub(crate) fn sources(registers: &[Register]) -> Option<String> {
     (!facts.is_empty()).then(|| format!("Inferred, not in the manual: {}.", facts.join(", ")))
 }
 
-/// Description of a structure: purpose, pages, and its inferred facts.
+/// Suffix of a type: the decision from which its name follows. The suffix is empty for a name of the manual.
+pub(crate) fn source_of_type(name_from: Provenance) -> String {
+    name_from
+        .decision()
+        .map_or_else(String::new, |decision| format!(" Name of the type: inferred, {decision}."))
+}
+
+/// Description of a structure: purpose, pages, the origin of its name, and its inferred facts.
 pub(crate) fn about(structure: &Structure) -> String {
-    let about = format!("{}{}.", structure.doc, pages(structure.page));
-    match sources(structure.registers) {
-        Some(sources) => format!("{about} {sources}"),
-        None => about,
-    }
+    let Structure { doc, page, name_from, registers, .. } = structure;
+    let sources = sources(registers).map(|sources| format!(" {sources}")).unwrap_or_default();
+    format!("{doc}{}.{}{sources}", pages(page), source_of_type(*name_from))
 }
 
 /// True if the text in a programming language contains `name` as a whole word.

@@ -40,6 +40,28 @@ pub(crate) fn shard_of_junit(name: &str) -> Option<&str> {
     name.strip_prefix(NAME)?.strip_prefix(' ')
 }
 
+/// Characters that the library removes from texts, their references in XML, and the characters that replace them until
+/// [`junit_text`]. XML does not allow the latter, so no text contains them.
+const KEPT: [(char, &str, char); 2] = [('\t', "&#9;", '\u{FFFE}'), ('\r', "&#13;", '\u{FFFF}')];
+
+/// Returns a text for a report. It has the same characters in the XML, except those that XML does not allow.
+fn kept(text: &str) -> String {
+    let text = xml_text::allowed(text.to_owned());
+    KEPT.iter().fold(text, |text, (sign, _, mark)| text.replace(*sign, &mark.to_string()))
+}
+
+/// Prepares the XML of a report for the library, so that the texts keep their characters.
+#[cfg(feature = "cli")]
+pub(crate) fn junit_input(xml: &str) -> String {
+    KEPT.iter().fold(xml.to_owned(), |xml, (_, reference, mark)| xml.replace(reference, &mark.to_string()))
+}
+
+/// Returns a text of a report that was read from [`junit_input`].
+#[cfg(feature = "cli")]
+pub(crate) fn junit_value(text: &str) -> String {
+    KEPT.iter().fold(text.to_owned(), |text, (sign, _, mark)| text.replace(*mark, &sign.to_string()))
+}
+
 fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
     let mut all = quick_junit::Report::new(name);
     all.set_time(reports.iter().map(|report| report.took).sum::<Duration>());
@@ -52,8 +74,8 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// # Errors
 /// Returns the errors of [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
-    // The library removes only control characters, so other forbidden characters are removed here.
-    let text = xml_text::allowed(all.to_string()?);
+    let text =
+        KEPT.iter().fold(all.to_string()?, |text, (_, reference, mark)| text.replace(*mark, reference));
     // The first attribute with this name in the text is the one in the root element.
     let skipped = text.find(" skipped=\"").map(|start| {
         let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
@@ -64,9 +86,9 @@ pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeE
 }
 
 fn suite(report: &Report) -> TestSuite {
-    let path = report.file.display().to_string();
-    let mut suite = TestSuite::new(report.file.with_extension("").display().to_string());
-    suite.extra.insert("file".into(), path.into());
+    let path = |path: &Path| kept(&path.display().to_string());
+    let mut suite = TestSuite::new(path(&report.file.with_extension("")));
+    suite.extra.insert("file".into(), path(&report.file).into());
     suite.set_timestamp(chrono::DateTime::<chrono::Utc>::from(report.started));
     suite.set_time(report.took);
     let line = match &report.outcome {
@@ -76,7 +98,7 @@ fn suite(report: &Report) -> TestSuite {
     };
     let mut property = |name: &str, value: Option<String>| {
         if let Some(value) = value {
-            suite.add_property((name, value.as_str()));
+            suite.add_property((name, kept(&value).as_str()));
         }
     };
     property("emulated_us", report.emulated_us.map(|us| us.to_string()));
@@ -87,11 +109,11 @@ fn suite(report: &Report) -> TestSuite {
 }
 
 fn case(report: &Report) -> TestCase {
-    let mut case = TestCase::new(report.name(), status(&report.outcome));
-    case.set_classname(class_name(&report.file));
+    let mut case = TestCase::new(kept(&report.name()), status(&report.outcome));
+    case.set_classname(kept(&class_name(&report.file)));
     case.set_time(report.took);
     if !report.printed.is_empty() {
-        case.set_system_out(report.printed.as_str());
+        case.set_system_out(kept(&report.printed));
     }
     case
 }
@@ -112,12 +134,12 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
         Outcome::Passed => return TestCaseStatus::success(),
         Outcome::NotRun(why) => {
             let mut status = TestCaseStatus::skipped();
-            status.set_message(why.as_str());
+            status.set_message(kept(why));
             return status;
         }
         Outcome::Skipped(reason) => {
             let mut status = TestCaseStatus::skipped();
-            status.set_message(reason.as_str());
+            status.set_message(kept(reason));
             status.set_type(SKIP);
             return status;
         }
@@ -132,9 +154,9 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
     };
     let mut status = TestCaseStatus::non_success(kind);
     status.set_type(ty);
-    status.set_message(message);
+    status.set_message(kept(&message));
     // `commram test merge` reads descriptions without blanks at both ends.
-    status.set_description(description.trim());
+    status.set_description(kept(description.trim()));
     status
 }
 
@@ -154,6 +176,20 @@ mod tests {
         let text = junit(&reports).unwrap();
         assert!(text.chars().all(xml_text::is_allowed), "{text:?}");
         assert!(text.contains("name=\"x\u{fffd}\u{fffd}"), "{text}");
+    }
+
+    #[test]
+    fn tabs_and_carriage_returns_stay_in_names_messages_and_output() {
+        let text = "1\t2\r3 &#9;";
+        let report = Report {
+            printed: text.to_owned(),
+            ..Report::bare(format!("{text}.rhai").into(), Outcome::Died(text.to_owned()))
+        };
+        let xml = junit(&[report]).unwrap();
+        for part in [" file=\"V.rhai\"", " message=\"V\"", "<system-out>V</system-out>"] {
+            assert!(xml.contains(&part.replace('V', "1&#9;2&#13;3 &amp;#9;")), "{part}: {xml}");
+        }
+        assert_eq!(xml_text::allowed(xml.clone()), xml);
     }
 
     #[test]

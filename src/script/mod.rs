@@ -42,7 +42,7 @@ pub use fields::{Field, Fields};
 #[cfg(feature = "cli")]
 pub(crate) use imports::without_dots;
 #[cfg(feature = "cli")]
-pub(crate) use junit::{SKIP, junit_text, shard_of_junit};
+pub(crate) use junit::{SKIP, junit_input, junit_text, junit_value, shard_of_junit};
 pub use junit::{junit, junit_of_shard};
 pub use lines::Lines;
 pub use part::{is_part, needs};

@@ -276,6 +276,57 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
     }
 }
 
+/// NFS reports only at `close` that the disk of its server is full. A library in place of the `close` of libc simulates it.
+#[test]
+fn a_file_that_is_not_stored_at_close_keeps_the_old_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::create_dir(at("nfs")).unwrap();
+    std::fs::write(at("nfs/a.h"), "old").unwrap();
+    let source = r#"
+        #define _GNU_SOURCE
+        #include <errno.h>
+        #include <fcntl.h>
+        #include <stdio.h>
+        #include <string.h>
+        #include <sys/syscall.h>
+        #include <unistd.h>
+        int close(int file)
+        {
+            char name[32], path[4096] = "";
+            snprintf(name, sizeof name, "/proc/self/fd/%d", file);
+            int is_stored = readlink(name, path, sizeof path - 1) < 0 || !strstr(path, "/nfs/")
+                || (fcntl(file, F_GETFL) & O_ACCMODE) == O_RDONLY;
+            long result = syscall(SYS_close, file);
+            if (is_stored)
+                return (int)result;
+            errno = EDQUOT;
+            return -1;
+        }
+    "#;
+    std::fs::write(at("close.c"), source).unwrap();
+    let library = at("close.so");
+    finish(Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(at("close.c"))).ok();
+    let run = |args: &[&str], output: &str| {
+        let script = format!("LD_PRELOAD=$1; export LD_PRELOAD; shift; exec \"$0\" \"$@\" {output}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &script]).arg(commram().get_program()).arg(&library).args(args);
+        finish(shell.current_dir(directory.path()))
+    };
+    let file = run(&["export", "c", "--output", "nfs/a.h"], "");
+    assert!(file.code == Some(3) && file.err.contains("cannot write nfs/a.h: "), "{}", file.err);
+    let names: Vec<_> =
+        std::fs::read_dir(at("nfs")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["a.h"]);
+    assert_eq!(std::fs::read_to_string(at("nfs/a.h")).unwrap(), "old");
+    let standard = run(&["map"], "> nfs/map");
+    assert!(
+        standard.code == Some(4) && standard.err.contains("cannot write the output: "),
+        "{}",
+        standard.err
+    );
+}
+
 /// A file size limit of one kilobyte simulates a full disk.
 #[test]
 fn a_full_disk_keeps_the_old_files() {

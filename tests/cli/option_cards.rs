@@ -30,7 +30,9 @@ fn every_command_knows_the_registers_of_an_option_card() {
     // The pages of a card are those of its own manual.
     let described = emulator.run("map", &["line:encoder1.w_COMMAND"]);
     assert!(
-        described.ok().contains("encoder-1.0 p. 1") && !described.out.contains("5.00005"),
+        described.ok().contains("p. 1 of encoder-1.0")
+            && described.out.contains("inferred D-815")
+            && !described.out.contains("5.00005"),
         "{}",
         described.out
     );
@@ -54,6 +56,23 @@ fn the_map_and_the_exports_have_the_cards_of_a_plant() {
     for format in ["c", "python", "csv", "json", "md", "st", "svd", "systemrdl", "matiec"] {
         let export = run(&["export", format, "--device", &line]);
         assert!(export.ok().contains("di_POSITION") || format == "matiec", "{format}: {}", export.out);
+    }
+    // Pages and decisions of a card are not those of the PLC.
+    let card = place.path("card");
+    let encoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/encoder");
+    finish(Command::new("cp").arg("-r").arg(encoder).arg(&card)).ok();
+    let device = fs::read_to_string(place.path("card/device.toml")).unwrap();
+    place.write("card/device.toml", &device.replace("names = ", "offsets = 'inferred D-02'\nnames = "));
+    let plant = format!("[[plc]]\nname = 'line'\n[[plc.option]]\nslot = 1\ncard = '{card}'\n");
+    place.write("inferred.toml", &plant);
+    let inferred = format!("{}:line", place.path("inferred.toml"));
+    for (format, mark) in [
+        ("c", "(p. 1 of encoder-1.0; inferred: offset D-02 of encoder)"),
+        ("csv", "1 of encoder-1.0,\"area D-815, offset D-02 of encoder, variable D-815\""),
+        ("json", "\"inferred D-02 of encoder\""),
+    ] {
+        let export = run(&["export", format, "--device", &inferred]);
+        assert!(export.ok().contains(mark), "{format}: {}", export.out);
     }
     let unknown = run(&["map", "--device", &line.replace(":line", ":other")]);
     assert!(

@@ -131,7 +131,10 @@ fn the_csv_has_every_register_that_the_map_knows() {
     }
     let status = rows.iter().find(|row| row.starts_with("node2.w_OPTION_STATUS,")).unwrap();
     assert!(status.contains(",%MW3.200002,16#B414A002,WORD,firmware,16#0001,false,"), "{status}");
-    assert!(status.contains(",\"149-150, 174-175\",offset D-02,option_status,"), "{status}");
+    assert!(
+        status.contains(",\"149-150, 174-175\",\"area D-220, offset D-02, live D-03\",option_status,"),
+        "{status}"
+    );
 }
 
 /// The keys that `docs/reference/export.md` promises, with their values for known registers.
@@ -209,6 +212,22 @@ fn exports_mark_inferred_names_and_offsets() {
             assert!(text.contains("Name of the type: inferred, D-326."), "{format}");
         }
     }
+    // Names of structures, of members that are sub-structures, and phases.
+    for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl", "md"] {
+        let export = run(&["export", format, "--device", "cs0015"]);
+        assert!(export.ok().contains("Name of the type: inferred, D-400."), "{format}");
+        let export = run(&["export", format]);
+        assert!(export.ok().contains("overlaid structures are valid are inferred (D-03)."), "{format}");
+    }
+    let lines = run(&["export", "csv", "--device", "cs0015"]);
+    let line = lines.ok().lines().find(|line| line.starts_with("flags.ERROR,")).unwrap();
+    assert!(
+        line.contains("\"area D-400, offset D-400,") && line.contains(", structure D-400, variable D-400\""),
+        "{line}"
+    );
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/netx-dpm");
+    let map = run(&["map", "sys.atCom[0].bChannelType", "--device", folder]);
+    assert!(map.ok().contains("  name from        inferred D-01\n"), "{}", map.ok());
     let variables = run(&["export", "st"]);
     assert!(
         variables.ok().contains("_baps AT %MB3.80000 : BAPS_CTRL_BMSTRUCT; (* name inferred, D-220 *)\n")

@@ -83,13 +83,31 @@ impl<'a> ScriptView<'a> {
         self.verbs.iter().filter(|verb| verb.name == name).collect()
     }
 
-    /// Returns the parameter of the verb for an argument. If several verbs have this name, the verb with the correct
-    /// number of arguments is preferred.
+    /// Returns the parameter of the verb for an argument. If several verbs have this name, a verb with the correct number of
+    /// arguments and types that fit is preferred. Returns `None` if several such verbs have different parameters here.
     pub(super) fn parameter(&self, call: &Call, argument: usize) -> Option<&'static str> {
         let verbs = self.verbs_of(call);
-        let fits = verbs.iter().find(|verb| verb.parameters.len() == call.arguments.len());
-        let verb = fits.into_iter().chain(&verbs).find(|verb| verb.parameters.len() > argument)?;
-        verb.parameters.get(argument).map(|(name, _)| *name)
+        let fits = verbs.iter().filter(|verb| self.fits(call, verb));
+        let mut names: Vec<_> = fits.filter_map(|verb| verb.parameters.get(argument)).collect();
+        names.dedup_by_key(|(name, _)| *name);
+        if names.is_empty() {
+            names.extend(verbs.iter().find_map(|verb| verb.parameters.get(argument)));
+        }
+        let [(name, _)] = names.as_slice() else { return None };
+        Some(name)
+    }
+
+    /// True if the number of arguments and the types of the literal arguments are those of the verb.
+    fn fits(&self, call: &Call, verb: &Verb) -> bool {
+        let fits = |(tokens, (_, ty)): (&Range<usize>, &(&str, &str))| {
+            let Some([token]) = self.outline.tokens.all.get(tokens.clone()) else { return true };
+            match token.kind {
+                TokenKind::Number => !matches!(*ty, "bool" | "String"),
+                TokenKind::Text | TokenKind::Template => !matches!(*ty, "bool" | "int"),
+                _ => true,
+            }
+        };
+        verb.parameters.len() == call.arguments.len() && call.arguments.iter().zip(&verb.parameters).all(fits)
     }
 
     /// Returns the kind of object that an argument names.
@@ -132,13 +150,17 @@ impl<'a> ScriptView<'a> {
     /// Returns the value of an argument with its range, if the argument is a literal number or text.
     pub(super) fn value(&self, call: &Call, argument: usize) -> Option<(Value, Range<usize>)> {
         let tokens = self.outline.tokens.all.get(call.arguments.get(argument)?.clone())?;
-        let [token] = tokens else { return None };
+        let (first, token) = match tokens {
+            [token] => (token, token),
+            [minus, token] if minus.is(self.text, "-") && token.kind == TokenKind::Number => (minus, token),
+            _ => return None,
+        };
         let value = match token.kind {
-            TokenKind::Number => Value::Number(number(token.text(self.text))?),
+            TokenKind::Number => Value::Number(number(self.text.get(first.range.start..token.range.end)?)?),
             TokenKind::Text => Value::Text(self.text.get(token.content(self.text)?)?.to_owned()),
             _ => return None,
         };
-        Some((value, token.range.clone()))
+        Some((value, first.range.start..token.range.end))
     }
 
     /// True if the script only defines functions for other scripts: no statement outside of them acts on a plant.
@@ -204,8 +226,11 @@ impl<'a> ScriptView<'a> {
     }
 }
 
-/// Parses a number in the syntax of the language.
+/// Parses a number in the syntax of the language, with or without a sign.
 fn number(text: &str) -> Option<i64> {
+    if let Some(digits) = text.strip_prefix('-') {
+        return number(digits.trim_start())?.checked_neg();
+    }
     let digits = text.replace('_', "");
     let radix = |prefix: &str, radix| {
         digits.strip_prefix(prefix).and_then(|rest| i64::from_str_radix(rest, radix).ok())

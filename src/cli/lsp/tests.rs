@@ -119,6 +119,10 @@ fn a_right_scenario_has_no_errors() {
         if (us > 1) { throw "x" } else { expect_no_findings(["reserved-value"]); }
         try { expect("node2.a_RD_BMARRAY[3][0]", 0xFFFF) } catch (error) { print(error.kind) }
         wait_until(|| drive("drive1").state == "ready", "1ms");
+        let data = "44 33 22 11"; let within = "4ms";
+        expect_frame("drives", 0x100, 0x700, "44 33 22 11", "4ms");
+        expect_frame("drives", 0x100, 0x700, "44 33 22 11", within);
+        expect_frame("drives", 0x100, data, "4ms", true);
     "#;
     assert_eq!(errors(&text.replace("BLOCK", BLOCK)), [""; 0]);
 }
@@ -162,6 +166,9 @@ fn errors_have_the_messages_of_the_engine_and_their_place() {
             "0:30 node2.i_SW1_NR (%MW3.200008): `65536 (16#10000)` is out of range",
         ),
         ("step(\"1 day\");", "0:6 `1 day`: "),
+        ("poke(\"node2.b_BT_0\", - 1);", "0:21 node2.b_BT_0 (%MB3.200015): `-1` is out of range"),
+        ("expect_frame(\"drives\", 0x100, 0x700, \"44\", \"4 days\");", "0:44 `4 days`: "),
+        ("expect_frame(\"drives\", 0x100, \"44\", \"4 days\", true);", "0:37 `4 days`: "),
         ("fault(\"lost_frame\");", "0:7 kind = \"lost_frame\": there is no such fault"),
         ("fault(\"lose_frame slot=X\");", "0:7 "),
         ("send_frame(\"bus\", 1, \"01\");", "0:12 there is no bus 'bus'; there are: drives"),

@@ -2,7 +2,6 @@
 
 use super::entry::Entry;
 use crate::cli::table;
-use crate::devices::folder::in_slot;
 use crate::layout::DeviceLayout;
 
 /// Returns the address, with the CPU address if it is known.
@@ -47,15 +46,14 @@ fn facts(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
         line("structure", entry.structure.to_owned()),
     ];
     if !entry.page.is_empty() {
-        lines.push(line("manual", format!("{} p. {}", manual(device, entry), entry.page)));
+        lines.push(line("manual", pages(device, entry.page)));
     }
     lines
 }
 
-/// Returns the manual with the pages of a register: that of the device, or that of an option card.
-fn manual(device: &DeviceLayout, entry: &Entry) -> &'static str {
-    let area = entry.name.split('.').next().unwrap_or_default();
-    in_slot::card_of(device, area).map_or(device.manual, |card| card.manual)
+/// Returns pages with their manual. The pages of an option card name the card's manual themselves.
+fn pages(device: &DeviceLayout, pages: &str) -> String {
+    if pages.contains(" of ") { format!("p. {pages}") } else { format!("{} p. {pages}", device.manual) }
 }
 
 /// The source of each fact.
@@ -74,7 +72,7 @@ fn remarks(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
     }
     let has_meaning = !entry.values.is_empty() || !entry.bits.is_empty();
     if has_meaning && !entry.meaning_page.is_empty() {
-        lines.push(line("values, bits", format!("{} p. {}", manual(device, entry), entry.meaning_page)));
+        lines.push(line("values, bits", pages(device, entry.meaning_page)));
     }
     lines
 }

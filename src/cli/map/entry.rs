@@ -1,7 +1,9 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use crate::layout::{Address, Area, DeviceFit, Meaning, Provenance, Register, RegisterRef, format_value};
+use crate::layout::{
+    Address, Area, BitField, DeviceFit, Meaning, Provenance, Register, RegisterRef, format_value,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -132,8 +134,10 @@ impl Entry {
 }
 
 impl Sources {
-    fn of(area: &Area, register: &Register) -> Self {
-        let mut ordered = vec![("area", area.name_from.to_string())];
+    fn of(of: &RegisterRef) -> Self {
+        let RegisterRef { area, placed, register, .. } = *of;
+        let names = [("area", area.name_from), ("structure", placed.structure.name_from)];
+        let mut ordered = names.map(|(fact, from)| (fact, from.to_string())).to_vec();
         ordered.extend(register.facts().map(|(fact, from)| (fact, from.to_string())));
         if !register.group.is_empty() {
             ordered.push(("group_type", register.group_type_from.to_string()));
@@ -236,7 +240,7 @@ pub(crate) fn of_array(first: &RegisterRef) -> Entry {
         reset: format_value(register.ty, register.reset),
         reserved: register.reserved,
         page: register.page,
-        provenance: Sources::of(area, register),
+        provenance: Sources::of(first),
         meaning: register.doc,
         meaning_page: register.meaning.map_or("", |meaning| meaning.page),
         values: values(register),
@@ -296,24 +300,13 @@ fn values(register: &Register) -> Vec<Value> {
 }
 
 fn bits(meaning: &'static Meaning) -> Vec<Bit> {
-    let bit = |field: &'static crate::layout::BitField| {
-        let singles = [("0", field.zero), ("1", field.one), ("", field.text)];
-        let known = singles.into_iter().filter(|(_, text)| !text.is_empty());
-        let mut texts: Vec<_> = known
-            .map(|(value, text)| if value.is_empty() { text.to_owned() } else { format!("{value}: {text}") })
-            .collect();
-        texts.extend(field.values.iter().map(|value| format!("{}: {}", value.first, value.text)));
-        let provenance = field.source.to_string();
+    let bit = |field: &'static BitField| {
+        let mut texts = field.texts();
         if field.reserved {
             texts.push("reserved".to_owned());
         }
-        Bit {
-            first: field.first,
-            last: field.last,
-            name: field.name,
-            meaning: texts.join("; ").replace("{}", "n"),
-            provenance,
-        }
+        let BitField { first, last, name, source, .. } = *field;
+        Bit { first, last, name, meaning: texts.join("; "), provenance: source.to_string() }
     };
     meaning.bits.iter().map(bit).collect()
 }

@@ -9,7 +9,7 @@ use crate::cli::output;
 use crate::cli::overwrite::refuse_inputs;
 use crate::input_file;
 use crate::plural::plural;
-use crate::script::{self, SKIP, junit_text, shard_of_junit};
+use crate::script::{self, SKIP, junit_input, junit_text, junit_value, shard_of_junit};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -166,7 +166,8 @@ fn wrong(path: &Path, what: impl ToString) -> CliError {
 }
 
 fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
-    let mut report = Report::deserialize_from_str(&with_edges(text)).map_err(|error| wrong(path, error))?;
+    let mut report =
+        Report::deserialize_from_str(&with_edges(&junit_input(text))).map_err(|error| wrong(path, error))?;
     report.test_suites.iter_mut().flat_map(|suite| &mut suite.test_cases).for_each(without_edges);
     let name = report.name.as_ref().map(|name| name.to_string()).unwrap_or_default();
     let shard = shard_of_junit(&name).ok_or_else(|| {
@@ -174,7 +175,7 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
     })?;
     let shard = Shard::parse(shard).map_err(|right| wrong(path, format!("shard {shard}: {right}")))?;
     let scenarios = report.test_suites.into_iter().map(|suite| {
-        let file = suite.extra.get("file").map_or_else(|| suite.name.to_string(), |file| file.to_string());
+        let file = junit_value(suite.extra.get("file").unwrap_or(&suite.name));
         let status = suite.test_cases.first().map(|case| &case.status);
         let (ending, is_run) = match status {
             Some(TestCaseStatus::Success { .. }) => (EndResult::Passed, true),

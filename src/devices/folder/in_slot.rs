@@ -3,9 +3,10 @@
 //! The layout of such a controller is made when its plant is read, from the layouts of the controller and of its cards.
 //! The card keeps an image with its front panel only.
 
+use super::of_card::CardFacts;
 use super::{Loaded, loaded, tables};
 use crate::devices::{OptionInterface, Registered, registry};
-use crate::layout::{Area, AreaStructure, DeviceLayout, Port, Space, Unit};
+use crate::layout::{Area, DeviceLayout, Port, Space, Unit};
 use crate::memory::DeviceFolder;
 use crate::memory::header::{AREAS, TABLE_NAME_LENGTH};
 use std::path::Path;
@@ -118,8 +119,13 @@ pub(crate) fn with_cards(
     check_room(&loaded).map_err(|reason| (0, reason))?;
     let mut areas: Vec<Area> = base.areas.iter().map(copy_of).collect();
     let mut hashed = base.layout_hash.to_le_bytes().to_vec();
+    let mut known: Vec<CardFacts> = Vec::new();
     for (index, (interface, card)) in cards.iter().enumerate() {
-        place(&mut areas, *interface, card).map_err(|reason| (index, reason))?;
+        let facts = known.iter().position(|facts| facts.is_of(card)).unwrap_or_else(|| {
+            known.push(CardFacts::of(card));
+            known.len() - 1
+        });
+        place(&mut areas, (*interface, card), &mut known[facts]).map_err(|reason| (index, reason))?;
         hashed.extend_from_slice(&interface.first.to_le_bytes());
         hashed.extend_from_slice(&card.layout_hash.to_le_bytes());
     }
@@ -156,11 +162,7 @@ fn copy_of(area: &Area) -> Area {
 
 /// Replaces the area of an interface by the areas of a card. Every byte of the interface stays in an area, so that
 /// snapshots contain all of them.
-fn place(
-    areas: &mut Vec<Area>,
-    interface: OptionInterface,
-    card: &'static DeviceLayout,
-) -> Result<(), String> {
+fn place(areas: &mut Vec<Area>, (interface, card): CardAt, facts: &mut CardFacts) -> Result<(), String> {
     let Some(at) = areas.iter().position(|area| area.first == interface.first) else {
         return Err(format!("there is no option interface {}", interface.number));
     };
@@ -209,17 +211,7 @@ fn place(
                 area.name, card.name, interface.number
             ));
         }
-        // Two equal cards have different variables, too.
-        let variable = |placed: &AreaStructure| {
-            let variable = format!("{}{}", placed.variable, interface.number);
-            AreaStructure { variable: Box::leak(variable.into_boxed_str()), ..*placed }
-        };
-        let structures = tables::leaked(area.structures.iter().map(variable).collect());
-        let name: &'static str = Box::leak(name.into_boxed_str());
-        // The manual of the layout is that of the controller.
-        let doc = format!("{} (pages of the manual {})", area.doc, card.manual);
-        let doc: &'static str = Box::leak(doc.into_boxed_str());
-        pieces.push(Area { name, doc, structures, ..piece(begins[index], end, area) });
+        pieces.push(piece(begins[index], end, &facts.area(area, interface.number)));
     }
     if !pieces.is_empty() {
         areas.splice(at..=at, pieces);

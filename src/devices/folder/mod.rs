@@ -15,6 +15,7 @@ mod files;
 mod firmware;
 mod handshakes;
 pub(crate) mod in_slot;
+mod of_card;
 mod own_faults;
 mod own_records;
 mod part;

@@ -238,6 +238,7 @@ impl Tables {
         let mut dims = group.map_or(Vec::new(), |(group, _)| device.dims(group));
         let group_dims = dims.len();
         dims.extend(device.dims(field));
+        let [name_from, offset_from, type_from] = field.sources(group.map(|(group, _)| group));
         let dim =
             |dim: model::Dim| Dim { count: dim.count as u16, used: dim.used as u16, stride: dim.stride };
         Register {
@@ -259,9 +260,9 @@ impl Tables {
             doc: self.text(&field.doc),
             page: self.text(group.map_or(&field.page, |(group, _)| &group.page)),
             meaning: field.meaning.and_then(|index| self.meanings.get(index).copied()),
-            name_from: self.from(&field.name_from),
-            offset_from: self.from(group.map_or(&field.offset_from, |(group, _)| &group.offset_from)),
-            type_from: self.from(&field.type_from),
+            name_from: self.from(&name_from),
+            offset_from: self.from(&offset_from),
+            type_from: self.from(&type_from),
             owner_from: self.from(&field.owner_from),
             reset_from: self.from(&field.reset_from),
         }

@@ -113,4 +113,53 @@ impl BitField {
     pub(crate) fn value(&self, part: u32) -> Option<&'static ValueMeaning> {
         ValueMeaning::find(self.values, part)
     }
+
+    /// Returns the texts of the values: `0: off`, `1: on`; `n` is any value. A value with another source than the field names
+    /// its source.
+    pub(crate) fn texts(&self) -> Vec<String> {
+        let singles = [("0: ", self.zero), ("1: ", self.one), ("", self.text)];
+        let singles = singles.into_iter().filter(|(_, text)| !text.is_empty());
+        let value = |of: &ValueMeaning| {
+            let ValueMeaning { first, last, text, source, .. } = *of;
+            let values = if first == last { first.to_string() } else { format!("{first} to {last}") };
+            let source = match source.decision() {
+                _ if source == self.source => String::new(),
+                Some(decision) => format!(" ({decision})"),
+                None => format!(" ({source})"),
+            };
+            format!("{values}: {text}{source}")
+        };
+        let texts =
+            singles.map(|(value, text)| format!("{value}{text}")).chain(self.values.iter().map(value));
+        texts.map(|text| text.replace("{}", "n")).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_a_field_with_another_source_name_it() {
+        let value =
+            |first, last, source| ValueMeaning { id: "", first, last, text: "v {}", reserved: false, source };
+        let field = |source| BitField {
+            id: "",
+            first: 0,
+            last: 3,
+            name: "f",
+            zero: "",
+            one: "",
+            text: "",
+            values: Box::leak(Box::new([
+                value(1, 1, Provenance::Manual),
+                value(2, 4, Provenance::Inferred("D-1")),
+            ])),
+            joined: false,
+            reserved: false,
+            source,
+        };
+        assert_eq!(field(Provenance::Manual).texts(), ["1: v n", "2 to 4: v n (D-1)"]);
+        assert_eq!(field(Provenance::Inferred("D-1")).texts(), ["1: v n (manual)", "2 to 4: v n"]);
+    }
 }

@@ -77,4 +77,11 @@ impl Area {
     pub fn phase_facts(&self, phase: RegisterPhase) -> Option<&'static Phase> {
         self.phases?.phases.get(usize::from(phase.number()).checked_sub(1)?)
     }
+
+    /// Source of the statement that a structure marked `phase` is valid in this phase only.
+    #[must_use]
+    pub fn phase_source(&self, phase: RegisterPhase) -> Provenance {
+        let phases = self.phases.filter(|_| phase != RegisterPhase::ALWAYS);
+        phases.map_or(Provenance::Manual, |phases| phases.source)
+    }
 }

@@ -278,6 +278,18 @@ pub struct Field {
     pub reset_from: Provenance,
 }
 
+impl Field {
+    /// Sources of the name, the offset and the type of a register. The register is this field of a structure or, with `group`, of
+    /// the sub-structure that is the field `group` of a structure.
+    #[must_use]
+    pub fn sources(&self, group: Option<&Field>) -> [Provenance; 3] {
+        let own = [&self.name_from, &self.offset_from, &self.type_from];
+        let Some(group) = group else { return own.map(Clone::clone) };
+        let of_group = [&group.name_from, &group.offset_from, &group.type_from];
+        [0, 1, 2].map(|fact| of_group[fact].and(own[fact]))
+    }
+}
+
 /// A dimension of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dim {

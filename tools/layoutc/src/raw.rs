@@ -345,6 +345,22 @@ pub enum Provenance {
     Inferred(String),
 }
 
+impl Provenance {
+    /// Returns the source of a fact that follows from two facts with these sources, such as the name `channel.w_STATE`. It is
+    /// inferred if one of them is. If both are, it names both decisions.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        match (self, other) {
+            (Provenance::Inferred(one), Provenance::Inferred(two)) if one != two => {
+                Provenance::Inferred(format!("{one} {two}"))
+            }
+            (Provenance::Inferred(_), _) | (_, Provenance::Manual) => self.clone(),
+            (Provenance::Documented(_), Provenance::Documented(_)) => self.clone(),
+            (_, Provenance::Documented(_) | Provenance::Inferred(_)) => other.clone(),
+        }
+    }
+}
+
 impl TryFrom<String> for Provenance {
     type Error = String;
 

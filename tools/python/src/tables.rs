@@ -78,7 +78,7 @@ pub(crate) fn default_device() -> (u64, u32, u64, usize, usize) {
 }
 
 /// An enumeration: its name, true if its members are flags, the members, and the numbers of the lowest bits of fields.
-type Enumeration = (String, bool, Vec<(String, u32)>, Vec<(String, u32)>);
+type Enumeration = (String, bool, Vec<(String, i64)>, Vec<(String, u32)>);
 
 /// Returns the enumerations of all devices. If several devices have an enumeration of the same name, the first device
 /// counts.

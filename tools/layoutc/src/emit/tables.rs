@@ -262,6 +262,7 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
         None => "None".to_owned(),
     };
     let Field { name, array_type, also, reset, reserved, doc, .. } = field;
+    let [name_from, offset_from, type_from] = field.sources(group);
     // For sub-structures that several structures share: the page where this structure uses it.
     let page = group.map_or(&field.page, |group| &group.page);
     let owner = match field.owner {
@@ -281,9 +282,9 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
         scalar.variant(),
         group.map_or(0, |group| group.offset) + field.offset,
         dims.concat(),
-        provenance(&field.name_from),
-        provenance(group.map_or(&field.offset_from, |group| &group.offset_from)),
-        provenance(&field.type_from),
+        provenance(&name_from),
+        provenance(&offset_from),
+        provenance(&type_from),
         provenance(&field.owner_from),
         provenance(&field.reset_from),
     );
