@@ -88,15 +88,16 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     let begun = begin(path, bytes, None)?;
     // `rename` would replace a file that another process has created in the meantime, so a hard link is used first.
-    // File systems without hard links refuse it.
     match fs::hard_link(&begun.0, path) {
+        // A file system without hard links: `rename` replaces an empty file that no other process has created.
         Err(reason) if reason.kind() != ErrorKind::AlreadyExists => {
-            let flags = rustix::fs::RenameFlags::NOREPLACE;
-            rustix::fs::renameat_with(rustix::fs::CWD, &begun.0, rustix::fs::CWD, path, flags)?;
+            File::create_new(path)?;
+            fs::rename(&begun.0, path).inspect_err(|_| {
+                let _ = fs::remove_file(path);
+            })
         }
-        linked => linked?,
+        linked => linked,
     }
-    Ok(())
 }
 
 /// A file and its new content.

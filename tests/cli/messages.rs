@@ -107,7 +107,7 @@ fn the_map_describes_a_single_bit() {
     let by_name = run(&["map", "node1.w_CANsync_STATUS.7"]);
     let by_address = run(&["map", "%MX3.100004.7"]);
     assert_eq!(by_name.ok(), by_address.ok());
-    for part in ["node1.w_CANsync_STATUS.7\n", "  type          BOOL\n", "%MX3.100004.7", "BUS-off"] {
+    for part in ["node1.w_CANsync_STATUS.7\n", "  type            BOOL\n", "%MX3.100004.7", "BUS-off"] {
         assert!(by_name.out.contains(part), "{part}: {}", by_name.out);
     }
     assert!(!by_name.out.contains("bit 6"), "{}", by_name.out);

@@ -2,6 +2,7 @@
 
 use crate::common::{commram, finish, finish_on_a_full_disk, run};
 use crate::scenarios::Scripts;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 #[test]
@@ -10,20 +11,21 @@ fn the_map_shows_all_details_of_a_register() {
         run(&["map", "node2.w_CANsync_STATUS"]).ok(),
         "\
 node2.w_CANsync_STATUS
-  meaning       Status of the CAN controller, refreshed every processor cycle
-  address       %MW3.200004 (CPU 16#B414A004)
-  type          WORD
-  owner         firmware
-  reset value   16#0000
-  structure     CANsync_MA_CTRL_BMSTRUCT
-  manual        5.00005.03a p. 147-148, 173
-  area from     inferred D-220
-  name from     manual
-  offset from   inferred D-02
-  type from     manual
-  owner from    manual
-  reset from    inferred D-320
-  values, bits  5.00005.03a p. 148, 173
+  meaning         Status of the CAN controller, refreshed every processor cycle
+  address         %MW3.200004 (CPU 16#B414A004)
+  type            WORD
+  owner           firmware
+  reset value     16#0000
+  structure       CANsync_MA_CTRL_BMSTRUCT
+  manual          5.00005.03a p. 147-148, 173
+  area from       inferred D-220
+  structure from  manual
+  name from       manual
+  offset from     inferred D-02
+  type from       manual
+  owner from      manual
+  reset from      inferred D-320
+  values, bits    5.00005.03a p. 148, 173
   values
     16#0000  nothing to report (inferred D-322)
   bits
@@ -44,7 +46,7 @@ node2.w_CANsync_STATUS
 fn the_map_shows_arrays_compactly() {
     let map = run(&["map", "node2.a_RD_BMARRAY"]);
     assert!(map.ok().starts_with("node2.a_RD_BMARRAY[0..31][0..15]\n"), "{}", map.out);
-    assert!(map.out.contains("  elements     [0..31][0..7] used, the others reserved\n"), "{}", map.out);
+    assert!(map.out.contains("  elements        [0..31][0..7] used, the others reserved\n"), "{}", map.out);
     let all = run(&["map"]);
     assert_eq!(all.ok().matches("node2.a_RD_BMARRAY").count(), 1);
     let one = run(&["map", "node2.a_RD_BMARRAY[3][1]"]);
@@ -59,7 +61,7 @@ fn the_map_shows_arrays_compactly() {
 fn the_map_shows_reserved_registers_on_request_only() {
     assert!(!run(&["map", "node2"]).ok().contains("b_CTRLREG_WRC3"));
     assert!(run(&["map", "node2", "--all"]).ok().contains("node2.b_CTRLREG_WRC3"));
-    assert!(run(&["map", "node2.b_CTRLREG_WRC3"]).ok().contains("reserved     yes"));
+    assert!(run(&["map", "node2.b_CTRLREG_WRC3"]).ok().contains("reserved        yes"));
 }
 
 #[test]
@@ -276,6 +278,39 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
     }
 }
 
+/// Compiles a library whose functions replace those of libc.
+fn library(directory: &Path, source: &str) -> PathBuf {
+    let [text, library] = ["replaced.c", "replaced.so"].map(|name| directory.join(name));
+    std::fs::write(&text, source).unwrap();
+    finish(Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&text)).ok();
+    library
+}
+
+/// Returns a command with such a library, in its directory. `output` redirects the output in the shell.
+fn with_library(library: &Path, args: &[&str], output: &str) -> Command {
+    let script = format!("LD_PRELOAD=$1; export LD_PRELOAD; shift; exec \"$0\" \"$@\" {output}");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).arg(commram().get_program()).arg(library).args(args);
+    shell.current_dir(library.parent().unwrap());
+    shell
+}
+
+/// File systems such as vfat and some of FUSE have no hard links.
+#[test]
+fn a_project_is_created_without_hard_links() {
+    let directory = tempfile::tempdir().unwrap();
+    let source = r"
+        #include <errno.h>
+        int linkat(int from, const char *old, int to, const char *new, int flags) { errno = EPERM; return -1; }
+        int link(const char *old, const char *new) { errno = EPERM; return -1; }
+    ";
+    let library = library(directory.path(), source);
+    finish(&mut with_library(&library, &["new", "project"], "")).ok();
+    let plant = std::fs::read_to_string(directory.path().join("project/plant.toml")).unwrap();
+    assert!(plant.contains("[[plc]]"), "{plant}");
+    assert_eq!(finish(&mut with_library(&library, &["new", "project"], "")).code, Some(2));
+}
+
 /// NFS reports only at `close` that the disk of its server is full. A library in place of the `close` of libc simulates it.
 #[test]
 fn a_file_that_is_not_stored_at_close_keeps_the_old_one() {
@@ -304,15 +339,8 @@ fn a_file_that_is_not_stored_at_close_keeps_the_old_one() {
             return -1;
         }
     "#;
-    std::fs::write(at("close.c"), source).unwrap();
-    let library = at("close.so");
-    finish(Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(at("close.c"))).ok();
-    let run = |args: &[&str], output: &str| {
-        let script = format!("LD_PRELOAD=$1; export LD_PRELOAD; shift; exec \"$0\" \"$@\" {output}");
-        let mut shell = Command::new("sh");
-        shell.args(["-c", &script]).arg(commram().get_program()).arg(&library).args(args);
-        finish(shell.current_dir(directory.path()))
-    };
+    let library = library(directory.path(), source);
+    let run = |args: &[&str], output: &str| finish(&mut with_library(&library, args, output));
     let file = run(&["export", "c", "--output", "nfs/a.h"], "");
     assert!(file.code == Some(3) && file.err.contains("cannot write nfs/a.h: "), "{}", file.err);
     let names: Vec<_> =

@@ -61,8 +61,11 @@ fn the_map_and_the_exports_have_the_cards_of_a_plant() {
     let card = place.path("card");
     let encoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/encoder");
     finish(Command::new("cp").arg("-r").arg(encoder).arg(&card)).ok();
-    let device = fs::read_to_string(place.path("card/device.toml")).unwrap();
-    place.write("card/device.toml", &device.replace("names = ", "offsets = 'inferred D-02'\nnames = "));
+    let structure = fs::read_to_string(place.path("card/ENCODER.toml")).unwrap();
+    place.write(
+        "card/ENCODER.toml",
+        &structure.replace("offsets = \"manual\"", "offsets = \"inferred D-02\""),
+    );
     let plant = format!("[[plc]]\nname = 'line'\n[[plc.option]]\nslot = 1\ncard = '{card}'\n");
     place.write("inferred.toml", &plant);
     let inferred = format!("{}:line", place.path("inferred.toml"));

@@ -37,8 +37,18 @@ impl Directory {
     /// Renames the file `from` to `to`, unless `to` exists.
     pub(crate) fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
         // `rename` would replace an existing file.
-        fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
-        self.remove(from)
+        match fs::linkat(&self.0, from, &self.0, to, AtFlags::empty()) {
+            Ok(()) => self.remove(from),
+            Err(Errno::EXIST) => Err(Errno::EXIST),
+            // A file system without hard links: `rename` replaces an empty file that nobody else has created.
+            Err(_) => {
+                let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | CAREFULLY;
+                fs::openat(&self.0, to, flags, Mode::RUSR | Mode::WUSR)?;
+                self.rename(from, to).inspect_err(|_| {
+                    let _ = self.remove(to);
+                })
+            }
+        }
     }
 
     /// Writes the directory entries to the disk.

@@ -95,3 +95,17 @@ It is there
 """
     done = robot(tmp_path, text)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_running_instance_has_required_faults_too(tmp_path, stepped):
+    head = SUITE.split("*** Test Cases")[0].replace("CommramLibrary", f"CommramLibrary    instance={stepped}")
+    text = head + """
+*** Test Cases ***
+No frame is lost
+    Fault    lose_frame slot=WRC1 count=1 required
+"""
+    done = robot(tmp_path, text)
+    assert "fault 1 has not taken effect" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 1
+    done = robot(tmp_path, text.replace("instance=", "findings=owner    instance="))
+    assert "findings= is for a plant of the test" in done.stdout + done.stderr
