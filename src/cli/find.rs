@@ -112,25 +112,26 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     texts.iter().position(holds_all).map(|rank| rank as u8)
 }
 
-/// Returns texts of values and bits, each with its meaning.
+/// Returns texts of values and bits, each with its meaning and the source of the meaning.
 fn values_and_bits(entry: &Entry) -> impl Iterator<Item = (String, String)> {
-    let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
+    let values = entry.values.iter().map(|value| (value.hex.clone(), value.described()));
     let bits = entry.bits.iter().map(|bit| {
         let which = if bit.first == bit.last {
             format!("bit {}", bit.first)
         } else {
             format!("bits {}-{}", bit.first, bit.last)
         };
-        (format!("{which} {}", bit.name), bit.meaning.clone())
+        (format!("{which} {}", bit.name), bit.described())
     });
     values.chain(bits)
 }
 
 /// Returns one line per register, with the values and bits that match.
 fn text(found: &[Entry], words: &[String]) -> String {
-    let cells =
-        |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();
-    let line = |entry: &Entry| cells(entry).into_iter().chain([entry.meaning.to_owned()]).collect();
+    let line = |entry: &Entry| {
+        let Entry { name, address, ty, owner, provenance, meaning, .. } = entry;
+        [name, address, ty, owner, provenance.short(), *meaning].map(str::to_owned).to_vec()
+    };
     let lines = table::rows(&found.iter().map(line).collect::<Vec<_>>());
     let mut text = String::new();
     for (entry, line) in found.iter().zip(&lines) {

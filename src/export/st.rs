@@ -199,7 +199,9 @@ const KEYWORDS: &str = "action and any array at bool by byte case configuration 
     function_block if initial_step int lint lreal lword mod not of on or priority program r_edge read_only read_write real \
     repeat resource retain return sint step string struct task then time time_of_day to tod transition true type udint uint \
     ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
-    word wstring xor";
+    word wstring xor \
+    abstract char class continue end_class end_interface end_method end_namespace end_property extends final implements interface internal \
+    ldate ldate_and_time ldt ltime ltime_of_day ltod method namespace null overlap override pointer private property protected public ref ref_to reference super this using wchar";
 
 /// Macros of `<float.h>`, `<math.h>` and `<time.h>`, which the code of matiec includes in addition to the headers of the C
 /// export (glibc 2.36, gcc 12), except [`MATIEC_FAMILIES`].

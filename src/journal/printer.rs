@@ -135,25 +135,27 @@ impl<Out> Printer<Out> {
 }
 
 /// True if records of a ring that end at `since_us` or later may be lost. `kept` are the records that a journal keeps, and
-/// `begin` is the number of its first record, or that of a return to an earlier moment.
+/// `begin` is the number of its first record, or that of a return to an earlier moment. A journal that begins with a later record
+/// continues from a snapshot; `known_us` is a time at which it had begun.
 #[cfg(feature = "script")]
-pub(crate) fn may_be_lost(kept: &[Record], ring: Ring, begin: u64, since_us: u64) -> bool {
+pub(crate) fn may_be_lost(kept: &[Record], ring: Ring, begin: u64, since_us: u64, known_us: u64) -> bool {
     // After a return, the records before it are in the journal, too.
     let is_return = kept.first().is_some_and(|first| first.seq < begin);
+    let mut may_be_older = !is_return && begin > 0 && since_us < known_us;
     let (mut next, mut has_gap) = (if is_return { 0 } else { begin }, false);
     for record in kept.iter().filter(|record| !record.is_pending()) {
         has_gap |= record.seq > next;
         next = record.seq.saturating_add(1);
         if record.time_us < since_us {
-            has_gap = false;
+            (has_gap, may_be_older) = (false, false);
         }
         // A ring drops only its oldest records.
         if record.event.kind().ring() == ring {
-            return has_gap;
+            return has_gap || may_be_older;
         }
     }
     // Without a return, a ring that has lost records has later ones. A return removes the later ones.
-    is_return && (has_gap || next < begin)
+    may_be_older || is_return && (has_gap || next < begin)
 }
 
 #[cfg(test)]
@@ -191,7 +193,7 @@ mod tests {
     fn records_since_a_time_may_be_lost_if_a_gap_comes_before_their_ring_begins() {
         let (write, refused) = (|seq| write(seq, DeviceIndex(0)), |seq| refused(seq, DeviceIndex(0)));
         let ring = write(0).event.kind().ring();
-        let is_lost = |kept: &[Record], begin, since_us| may_be_lost(kept, ring, begin, since_us);
+        let is_lost = |kept: &[Record], begin, since_us| may_be_lost(kept, ring, begin, since_us, 0);
         assert!(!is_lost(&[write(0), write(1)], 0, 1));
         // The lost records are older than the oldest one.
         assert!(!is_lost(&[write(5)], 0, 51) && is_lost(&[write(5)], 0, 50));
@@ -204,6 +206,11 @@ mod tests {
         // The ring has dropped its records before the return.
         assert!(is_lost(&[refused(0)], 5, 1) && !is_lost(&[refused(0), refused(1)], 2, 1));
         assert!(!is_lost(&[refused(5)], 0, 1));
+        // The journal begins with record 5 of a snapshot at a time up to 60.
+        let is_lost = |kept: &[Record], since_us| may_be_lost(kept, ring, 5, since_us, 60);
+        assert!(is_lost(&[], 59) && !is_lost(&[], 60));
+        assert!(is_lost(&[write(5)], 50) && !is_lost(&[write(5)], 51));
+        assert!(is_lost(&[refused(5)], 50) && !is_lost(&[refused(5), write(6)], 51));
     }
 
     #[test]

@@ -87,6 +87,11 @@ impl Checker {
     }
 }
 
+/// True if this is a function of the language itself.
+pub(crate) fn is_of_language(name: &str) -> bool {
+    OF_LANGUAGE.contains(&name)
+}
+
 /// Returns the message for a call of a function that does not exist, in a script with these verbs.
 pub(crate) fn unknown_function(name: &str, verbs: &[Verb]) -> String {
     no_function_among(name, &[], verbs)

@@ -7,6 +7,9 @@ fn registers_are_found_by_name_address_and_description() {
     let found = run(&["find", "bus-off"]);
     assert!(found.ok().starts_with("node1.w_CANsync_STATUS  %MW3.100004  WORD  firmware  "), "{}", found.out);
     assert!(found.out.contains("    bit 7 BUS-off  1: node deactivated (BUS-off)\n"), "{}", found.out);
+    assert!(found.out.contains("  offset D-02, reset D-320  "), "{}", found.out);
+    let inferred = run(&["find", "no parity bit"]);
+    assert!(inferred.ok().contains("    16#00  no parity bit (inferred D-855)\n"), "{}", inferred.out);
     let json: serde_json::Value =
         serde_json::from_str(run(&["find", "%mw3.200002", "--format", "json"]).ok()).unwrap();
     assert_eq!(

@@ -66,7 +66,9 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
     emulator.run("snapshot", &[&snapshot]).ok();
     fs::write(&log, emulator.run("trace", &["--format", "candump"]).ok()).unwrap();
     let verbs = "record(\"node2.w_CPU_CONTROL\"); journal(0); history(\"node2.w_CPU_CONTROL\"); \
-                 frames(\"drives\", 0); expect(\"node2.w_OPTION_STATUS\", 0x0043);\n";
+                 frames(\"drives\", 0); expect(\"node2.w_OPTION_STATUS\", 0x0043);\n\
+                 let lost = \"\"; try { frames(\"drives\", 1) } catch (error) { lost = error.message; }\n\
+                 expect_that(lost.contains(\"no longer has all frames\"), lost); frames(\"drives\", now());\n";
     fs::write(&scenario, verbs).unwrap();
     emulator.run("restore", &[&snapshot]).ok();
     let other = Emulator::start(&["--clock", "stepped", "--from", &snapshot]);

@@ -4,6 +4,7 @@ use super::document::Document;
 use super::outline::Outline;
 use super::scenario::ScriptView;
 use super::tokens::{Token, TokenKind};
+use crate::script::check;
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -11,12 +12,6 @@ use std::path::{Path, PathBuf};
 const MOST_SCRIPTS: usize = 500;
 /// Built-in functions with an argument that names another function.
 const TAKE_NAMES: [&str; 4] = ["Fn", "is_def_fn", "after", "at"];
-/// Words that cannot be the name of a function.
-const RESERVED: [&str; 34] = [
-    "Fn", "as", "async", "await", "break", "call", "case", "catch", "const", "continue", "curry", "do",
-    "else", "eval", "export", "false", "fn", "for", "go", "if", "import", "in", "let", "loop", "private",
-    "return", "switch", "this", "throw", "true", "try", "until", "while", "with",
-];
 
 /// Returns the function of this script at a position: its name, and the range of the name.
 pub(super) fn function_at(view: &ScriptView<'_>, offset: usize) -> Option<(String, Range<usize>)> {
@@ -73,7 +68,8 @@ pub(super) fn check_name(view: &ScriptView<'_>, name: &str) -> Result<(), String
             "`{name}` is no name of a function; use letters, digits and `_`, a letter or `_` first"
         ));
     }
-    if RESERVED.contains(&name) {
+    let is_reserved = rhai::Engine::new_raw().compile(format!("fn {name}() {{ }}")).is_err();
+    if is_reserved || check::is_of_language(name) {
         return Err(format!("`{name}` is a word of the language; use another name"));
     }
     if view.outline.function(name).is_some() || view.verbs.iter().any(|verb| verb.name == name) {

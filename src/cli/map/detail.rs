@@ -79,19 +79,12 @@ fn remarks(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
 
 /// Adds the values and bits that have a meaning.
 fn add_meanings(text: &mut String, entry: &Entry) {
-    let described = |meaning: &str, source: &str| match source {
-        "manual" => meaning.to_owned(),
-        other => format!("{meaning} ({other})"),
-    };
-    let values = entry
-        .values
-        .iter()
-        .map(|value| vec![format!("    {}", value.hex), described(&value.meaning, &value.provenance)]);
+    let values = entry.values.iter().map(|value| vec![format!("    {}", value.hex), value.described()]);
     section(text, "values", &values.collect::<Vec<_>>());
     let bits = entry.bits.iter().map(|bit| {
         let range =
             if bit.first == bit.last { bit.first.to_string() } else { format!("{}-{}", bit.first, bit.last) };
-        vec![format!("    {range}"), bit.name.to_owned(), described(&bit.meaning, &bit.provenance)]
+        vec![format!("    {range}"), bit.name.to_owned(), bit.described()]
     });
     section(text, "bits", &bits.collect::<Vec<_>>());
 }

@@ -133,6 +133,24 @@ impl Entry {
     }
 }
 
+impl Value {
+    /// Returns the meaning, with its source if it is not the manual.
+    pub(crate) fn described(&self) -> String {
+        described(&self.meaning, &self.provenance)
+    }
+}
+
+impl Bit {
+    /// Returns the meaning, with its source if it is not the manual.
+    pub(crate) fn described(&self) -> String {
+        described(&self.meaning, &self.provenance)
+    }
+}
+
+fn described(meaning: &str, source: &str) -> String {
+    if source == "manual" { meaning.to_owned() } else { format!("{meaning} ({source})") }
+}
+
 impl Sources {
     fn of(of: &RegisterRef) -> Self {
         let RegisterRef { area, placed, register, .. } = *of;
@@ -147,6 +165,11 @@ impl Sources {
 
     pub(crate) fn all(&self) -> &[(&'static str, String)] {
         &self.ordered
+    }
+
+    /// Returns `manual`, or the inferred facts about the register with their decisions.
+    pub(crate) fn short(&self) -> &str {
+        &self.short
     }
 }
 

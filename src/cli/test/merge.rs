@@ -254,7 +254,8 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     let Some(count) = known.first().and_then(|part| part.shard).map(Shard::count) else {
         // A JSON report without scenarios does not contain the number of shards. If all reports are such, a missing
         // report cannot be detected.
-        return Ok(Vec::new());
+        let path = empty.first().map(|part| part.path.as_path()).unwrap_or(Path::new("-"));
+        return Err(wrong(path, "no report has a scenario; reports of other shards are missing"));
     };
     let mut places: Vec<Option<Part<T>>> = (0..count).map(|_| None).collect();
     for part in known {

@@ -51,9 +51,13 @@ impl Directory {
         }
     }
 
-    /// Writes the directory entries to the disk.
+    /// Writes the directory entries to the disk. Some file systems, such as shared folders of virtual machines, have no such
+    /// operation for directories.
     pub(crate) fn sync(&self) -> Result<(), Errno> {
-        fs::fsync(&self.0)
+        match fs::fsync(&self.0) {
+            Err(Errno::INVAL | Errno::OPNOTSUPP) => Ok(()),
+            synced => synced,
+        }
     }
 }
 

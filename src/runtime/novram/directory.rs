@@ -302,8 +302,8 @@ fn not_a_file(path: PathBuf, found: FileType) -> NovramError {
 /// Opens the lock file, which only `user` can open. Creates a missing one, and then also returns true.
 fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result<(File, bool), NovramError> {
     let path = path.join(LOCK);
-    let failed =
-        |errno: Errno| NovramError::Io { path: path.clone(), doing: "open it", source: errno.into() };
+    let failed_to = |doing, errno: Errno| NovramError::Io { path: path.clone(), doing, source: errno.into() };
+    let failed = |errno| failed_to("open it", errno);
     let (file, is_new) = match directory.open_or_create(LOCK) {
         Ok(opened) => opened,
         Err(Errno::LOOP) => return Err(not_a_file(path, FileType::Symlink)),
@@ -317,8 +317,14 @@ fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result
         FileType::RegularFile => return Err(NovramError::Foreign { path, owner: stat.st_uid, user }),
         other => return Err(not_a_file(path, other)),
     }
-    // The file may have other rights, for example because a user has copied the directory.
-    rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR).map_err(failed)?;
+    // The file may have other rights, for example because a user has copied the directory. A file system without rights refuses
+    // any change.
+    if let Err(errno) = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR) {
+        if is_new {
+            let _ = directory.remove(LOCK);
+        }
+        return Err(failed_to("change its permissions", errno));
+    }
     Ok((file, is_new))
 }
 

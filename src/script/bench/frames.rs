@@ -288,15 +288,15 @@ impl Bench {
         let bus = self.bus(bus)?;
         let (records, _) = self.records(0)?;
         if since > 0 {
-            // Numbers before the first record of the journal are no lost records.
             let begin = self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin;
             // Records before a return to an earlier moment are not newer than this moment.
             let is_later = self.returned_us.is_some_and(|returned_us| since >= returned_us);
             let first = if is_later { records.partition_point(|record| record.seq < begin) } else { 0 };
             let kept = records.get(first..).unwrap_or_default();
-            if crate::journal::may_be_lost(kept, Ring::Traffic, begin, since) {
+            if crate::journal::may_be_lost(kept, Ring::Traffic, begin, since, self.started_us) {
                 let right = "the journal no longer has all frames since this time: it keeps the last 65,536 of all buses, \
-                             fewer with telegrams; call `frames` more often, or with the time 0 for the frames that are left";
+                             fewer with telegrams, and none from before a snapshot from which it continues; call `frames` more \
+                             often, or with the time 0 for the frames that are left";
                 return Err(ScenarioError::argument(&format!("frames since {}", short(since)), right));
             }
         }

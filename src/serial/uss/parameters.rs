@@ -208,7 +208,10 @@ impl Parameter {
         if self.is_read_only {
             return Err(Refusal::ReadOnly);
         }
-        if write.is_double != self.kind.is_double() {
+        // A channel of four words has two words for each value.
+        let has_value =
+            if write.is_double { request.values.len() == 2 } else { matches!(request.values.len(), 1 | 2) };
+        if write.is_double != self.kind.is_double() || !has_value {
             return Err(Refusal::Type);
         }
         let element = if write.is_element { self.element(request.index)? } else { 0 };

@@ -126,6 +126,12 @@ fn a_slave_answers_each_request() {
         (Pkw::write_word(700, 3), (R::Word, vec![3])),
         (Pkw::write_word(700, 6), refused(Refusal::Limit)),
         (Pkw::write_double(700, 3), refused(Refusal::Type)),
+        // The channel has no value, one word of a double word, or too many words.
+        (Pkw { values: vec![], ..Pkw::write_word(700, 3) }, refused(Refusal::Type)),
+        (Pkw { values: vec![], ..Pkw::write_double(2010, 3) }, refused(Refusal::Type)),
+        (Pkw { values: vec![1], ..Pkw::write_double(2010, 3) }, refused(Refusal::Type)),
+        (Pkw { values: vec![1, 2, 3], ..Pkw::write_word(700, 3) }, refused(Refusal::Type)),
+        (Pkw::read(2010), (R::Double, vec![0xFFFE, 0xEE90])),
         (Pkw::write_word(21, 3), refused(Refusal::ReadOnly)),
         (Pkw::write_double(1080, 10f32.to_bits()), (R::Double, vec![0x4120, 0])),
         (Pkw::write_double(1080, f32::NAN.to_bits()), refused(Refusal::Limit)),

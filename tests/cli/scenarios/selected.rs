@@ -127,6 +127,12 @@ fn reports_of_shards_merge_to_the_report_of_a_single_run() {
     assert_eq!(outcomes(&merged.out), outcomes(&whole.out));
     assert!(!merged.out.contains("shard"));
 
+    // Without a scenario, a report does not say how many shards there are.
+    std::fs::write(scripts.0.path().join("none.json"), "[]").unwrap();
+    let merged = scripts.run(&["merge", "none.json"]);
+    assert_eq!(merged.code, Some(2), "{}", merged.out);
+    assert!(merged.err.contains("reports of other shards are missing"), "{}", merged.err);
+
     for (given, why) in [
         (&["0.xml", "2.xml"][..], "missing: shard 2/3"),
         (&["0.xml", "1.xml", "2.xml", "1.xml"], "it is shard 2/3, as is 1.xml"),

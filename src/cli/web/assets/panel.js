@@ -167,7 +167,7 @@ class Front {
     const which = FRONT + number;
     const choices = values.filter((value) => value.first === value.last && value.text !== "none");
     const set = (value) => this.set(which, value, `${name}=${this.named(values, value)}`);
-    if (choices.length) return h("div", { class: "line wrap", role: "group", label: name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { acts: true, onclick: () => set(it.first) }, it.text)));
+    if (choices.length) return h("div", { class: "line wrap", role: "group", label: name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { acts: true, title: withSource(it.text, it.provenance), onclick: () => set(it.first) }, it.text)));
     const input = h("input", { type: "number", min: 0, max: values[0]?.last, acts: true, label: meaning || name, "data-title": meaning, onchange: () => {
       if (input.value && input.checkValidity()) return set(Number(input.value));
       input.reportValidity();

@@ -8,7 +8,9 @@ use crate::cli::web::link::Connection;
 use crate::cli::web::problem::Problem;
 use crate::devices;
 use crate::identity::DeviceIndex;
-use crate::layout::{Area, DeviceFit, Fit, FrontWord, Owner, RegisterRef, Width};
+use crate::layout::{
+    Area, DeviceFit, DeviceLayout, Fit, FrontWord, Owner, Provenance, RegisterRef, ValueMeaning, Width,
+};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -87,19 +89,23 @@ pub(super) fn devices(connection: &mut Connection, _: &Fields<'_>) -> Result<Sho
             "plc": name, "number": plc, "device": device.name, "title": device.title,
             "board": devices::board_of(device),
             "ports": ports.collect::<Vec<_>>(),
-            "front": device.front.iter().map(front_word).collect::<Vec<_>>(),
+            "front": device.front.iter().map(|word| front_word(device, word)).collect::<Vec<_>>(),
             "objects": device.objects.len(),
         })
     };
     named("devices", DeviceIndex::enumerate(session.plcs()).map(device).collect::<Vec<_>>())
 }
 
-fn front_word(word: &FrontWord) -> Value {
-    let values = word.meaning.map_or(&[][..], |meaning| meaning.values);
-    let values =
-        values.iter().map(|value| json!({"first": value.first, "last": value.last, "text": value.text}));
+fn front_word(device: &'static DeviceLayout, word: &FrontWord) -> Value {
+    let values = word.meaning.map_or(&[][..], |meaning| meaning.values).iter().map(|value| {
+        let ValueMeaning { first, last, text, source, .. } = value;
+        json!({"first": first, "last": last, "text": text, "provenance": source.to_string()})
+    });
+    let register =
+        device.register(&format!("{}.{}", device.front_area.map_or("", |area| area.name), word.name));
+    let name_from = register.map_or(Provenance::Manual, |register| register.register.name_from);
     json!({
-        "name": word.name, "number": word.index(), "switch": word.owner == Owner::Plc, "text": word.is_text,
+        "name": word.name, "name_provenance": name_from.to_string(), "number": word.index(), "switch": word.owner == Owner::Plc, "text": word.is_text,
         "values": values.collect::<Vec<_>>(), "meaning": word.doc, "page": word.page, "provenance": word.source.to_string(),
     })
 }
