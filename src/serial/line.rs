@@ -76,8 +76,9 @@ impl OnLine {
         let failed = |error| Some(Received { octet: 0, error: Some(error) });
         let octet = match self.signal {
             _ if self.is_lost => return None,
-            _ if self.has_collided => return failed(CharacterError::Framing),
+            // The level stays low after the end of a character that it has destroyed.
             Signal::Break => return failed(CharacterError::Break),
+            _ if self.has_collided => return failed(CharacterError::Framing),
             Signal::Octet(octet) => octet ^ u8::from(self.is_inverted),
         };
         if self.format.baud_rate() != format.baud_rate()
@@ -220,7 +221,8 @@ mod tests {
         );
         let broken = OnLine { signal: Signal::Break, ..sent };
         assert_eq!(error(broken, even), Some(CharacterError::Break));
-        assert_eq!(error(OnLine { has_collided: true, ..broken }, even), Some(CharacterError::Framing));
+        assert_eq!(error(OnLine { has_collided: true, ..broken }, even), Some(CharacterError::Break));
+        assert_eq!(error(OnLine { has_collided: true, ..sent }, even), Some(CharacterError::Framing));
         assert_eq!(OnLine { is_lost: true, ..sent }.received_as(even), None);
     }
 

@@ -573,6 +573,22 @@ fn the_journal_of_a_folder_does_not_depend_on_the_steps() {
     }
 }
 
+#[test]
+fn a_new_request_replaces_the_second_value_of_an_answer() {
+    let place = Place::new();
+    let table = "[[answer]]\nregister = 'control.w_COMMAND'\nrequest = 5\nanswer = 4\nafter = '1ms'\nthen = 9\n\
+         then_after = '10ms'\npage = '3'\nsource = 'manual'\n";
+    fs::write(place.card().join("handshakes.toml"), table).unwrap();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    for (value, step, expected) in
+        [("5", "3ms", "16#0004"), ("5", "3ms", "16#0004"), ("4", "12ms", "16#0009")]
+    {
+        emulator.poke(&[&format!("control.w_COMMAND={value}")]);
+        emulator.step(&[step]);
+        assert_eq!(emulator.peek(&["control.w_COMMAND"]), expected);
+    }
+}
+
 /// Users compile and run exported files.
 #[test]
 fn a_text_of_a_folder_is_no_code_in_an_export() {

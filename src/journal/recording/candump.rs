@@ -66,7 +66,8 @@ enum Shown {
 }
 
 /// Reads identifier, length and data as `candump` shows them; `first` may be the direction.
-fn shown<'a>(first: &'a str, mut words: impl Iterator<Item = &'a str>) -> Result<Shown, &'static str> {
+fn shown<'a>(first: &'a str, words: impl Iterator<Item = &'a str>) -> Result<Shown, &'static str> {
+    let mut words = words.peekable();
     let direction = match first {
         "RX" => Some(Direction::Received),
         "TX" => Some(Direction::Transmitted),
@@ -86,11 +87,17 @@ fn shown<'a>(first: &'a str, mut words: impl Iterator<Item = &'a str>) -> Result
         return Ok(Shown::Skipped(FD));
     }
     let length: usize = length.parse().map_err(|_| NO_LINE)?;
-    let bytes: Vec<_> = words.by_ref().take(length).collect();
-    let data = match bytes.first() {
-        Some(&"remote") => format!("R{length}"),
-        _ if bytes.len() == length => bytes.concat(),
-        _ => return Err("the line has fewer bytes than its length says"),
+    let data = if words.peek() == Some(&"remote") {
+        format!("R{length}")
+    } else {
+        let bytes: Vec<_> = words.take(length).collect();
+        if bytes.iter().any(|byte| byte.len() != 2) {
+            return Err("each byte must have two hexadecimal digits; use `candump` without -i");
+        }
+        if bytes.len() != length {
+            return Err("the line has fewer bytes than its length says");
+        }
+        bytes.concat()
     };
     Ok(Shown::Frame(direction, frame(&format!("{id}#{data}"))?))
 }

@@ -54,6 +54,13 @@ fn lines_that_candump_shows_on_a_terminal() {
         ]
     );
     assert_eq!(skipped.iter().map(|(at, _)| *at).collect::<Vec<_>>(), [5, 6]);
+    // A remote frame of any length, and binary digits.
+    let (frames, _) = read(" (1436509052.1)  can0  701   [0]  remote request\n");
+    assert_eq!(frames, ["1 1436509052100000 can0 701#R"]);
+    for binary in ["[1]  01000001", "[2]  01000001 01000010"] {
+        let error = read_text(&format!(" (1436509052.1)  can0  123   {binary}\n")).unwrap_err();
+        assert!(error.line == 1 && error.right.contains("two hexadecimal digits"), "{error}");
+    }
     let error = read_text("  can0  123   [2]  11 22\n").unwrap_err();
     assert!(error.line == 1 && error.right.contains("candump -ta"), "{error}");
 }

@@ -132,15 +132,18 @@ fn suspend(rule: &Rule, step: &mut Step) {
 
 /// Handles writes of the program. Returns true if a register has changed.
 fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> bool {
-    let mut wait = |is_wanted: bool, after_us: u64| {
-        // If the program has withdrawn its request, the time starts again with the next request.
-        step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
-    };
     match rule {
         Rule::Ready { .. } | Rule::Counter { .. } | Rule::Image => {}
-        Rule::Answer { .. } if step.phase == Phase::Second => {}
+        Rule::Answer { at, answer, .. }
+            if step.phase == Phase::Second && card.load(*at) == u32::from(*answer) => {}
         Rule::Answer { at, request, after_us, .. } => {
-            wait(card.load(*at) == u32::from(*request), *after_us);
+            // If the program has replaced the answer, no second value follows it.
+            if step.phase == Phase::Second {
+                *step = Step::default();
+            }
+            // If the program has withdrawn its request, the time starts again with the next request.
+            let is_wanted = card.load(*at) == u32::from(*request);
+            step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(*after_us)));
         }
         Rule::Toggle { from, to, bits, after_us } => {
             let pending = (card.load(*from) ^ card.load(*to)) & bits;
