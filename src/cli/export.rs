@@ -184,7 +184,7 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     }
     let scope = Scope::new(args.device.layout(), args.block.as_deref())?;
     if let Some((what, name)) = scope.ambiguous_name() {
-        let right = "two cards have it; export each with --block";
+        let right = "two cards, or a card and the PLC, have it; export each with --block";
         return Err(wrong(format!("{format} of two {what} `{name}`"), right));
     }
     let folder = args.device.folder().map(str::to_owned);

@@ -46,6 +46,16 @@ impl Group {
         format!("Sub-structure {}.{name}{sources}", self.member_name())
     }
 
+    /// Describes the registers of one element. Types of one name with other registers are different types.
+    #[cfg(feature = "cli")]
+    pub(crate) fn shape(&self) -> String {
+        let register = |register: &'static Register| {
+            let (name, offset) = (register.name, register.offset - self.offset());
+            format!(" {name} {} {offset} {:?}", register.ty, own_dims(register))
+        };
+        format!("{}{}", self.bytes(), self.registers.iter().map(register).collect::<String>())
+    }
+
     /// Returns the size of one element in bytes.
     pub(crate) const fn bytes(&self) -> u32 {
         self.first.group_bytes

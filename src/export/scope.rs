@@ -1,5 +1,7 @@
 //! Scope of an export: the whole device or one area of it.
 
+#[cfg(feature = "cli")]
+use super::members::{self, Member};
 use crate::layout::{Area, AreaStructure, DeviceLayout, LayoutError, Meaning, Register, Structure};
 #[cfg(feature = "cli")]
 use std::collections::BTreeSet;
@@ -55,14 +57,29 @@ impl Scope {
         found
     }
 
-    /// Finds a name that two structures or two meanings have: what has it, and the name. Only cards of a controller can have
-    /// such names.
+    /// Finds a name that two structures, sub-structures or meanings have, in upper or lower case: what has it, and the name. Only
+    /// cards of a controller can have such names.
     #[cfg(feature = "cli")]
     pub(crate) fn ambiguous_name(&self) -> Option<(&'static str, &'static str)> {
-        let structures = self.structures().into_iter().map(|structure| ("structures", structure.name));
-        let meanings = self.meanings().into_iter().map(|(meaning, _)| ("meanings", meaning.name));
+        let structures = self.structures();
+        // Several registers refer to one meaning, and several structures contain one sub-structure.
+        let registers = structures.iter().flat_map(|of| of.registers);
+        let meanings: BTreeSet<_> = registers
+            .filter_map(|register| register.meaning)
+            .map(|meaning| (meaning.name, format!("{:?} {:?}", meaning.values, meaning.bits)))
+            .collect();
+        let members = structures.iter().flat_map(|structure| members::of(structure));
+        let groups: BTreeSet<_> = members
+            .filter_map(|member| match member {
+                Member::Group(group) => Some((group.type_name(), group.shape())),
+                _ => None,
+            })
+            .collect();
+        let types = structures.iter().map(|of| of.name).chain(groups.iter().map(|(name, _)| *name));
+        let types = types.map(|name| ("structures", name));
+        let meanings = meanings.iter().map(|(name, _)| ("meanings", *name));
         let mut seen = BTreeSet::new();
-        structures.chain(meanings).find(|named| !seen.insert(*named))
+        types.chain(meanings).find(|(what, name)| !seen.insert((*what, name.to_ascii_lowercase())))
     }
 
     /// Returns the meanings that registers refer to, each once, with the first of these registers.

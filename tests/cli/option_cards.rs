@@ -77,6 +77,22 @@ fn the_map_and_the_exports_have_the_cards_of_a_plant() {
         let export = run(&["export", format, "--device", &inferred]);
         assert!(export.ok().contains(mark), "{format}: {}", export.out);
     }
+    // One export has one meaning of each name.
+    place.write(
+        "card/ENCODER.toml",
+        &structure.replace("doc = \"Bit 0 ready", "meaning = \"stat_sl\", doc = \"Bit 0 ready"),
+    );
+    place.write(
+        "card/meanings.toml",
+        "[[meaning]]\nname = 'stat_sl'\npage = '1'\nvalue = [{ is = 1, text = 'ready' }]\n",
+    );
+    let device = fs::read_to_string(place.path("card/device.toml")).unwrap();
+    place.write("card/device.toml", &format!("parts = ['meanings.toml']\n{device}"));
+    for format in ["c", "python", "json", "md"] {
+        let export = run(&["export", format, "--device", &inferred]);
+        assert!(export.fails(2).contains("of two meanings `stat_sl`"), "{format}: {}", export.err);
+        run(&["export", format, "--device", &inferred, "--block", "encoder1"]).ok();
+    }
     let unknown = run(&["map", "--device", &line.replace(":line", ":other")]);
     assert!(
         unknown.fails(2).contains("has no device 'other'; its devices: line, line-option1"),
