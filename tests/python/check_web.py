@@ -303,6 +303,8 @@ class Check:
             self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
             assert state in self.page.text("#page-drives tbody"), drive
         self.page.until("document.querySelector('#page-drives .parameters') !== null")
+        for source in ["manual: 5.00005.03a p. 74", "inferred: parameter D-162"]:
+            assert source in self.page.text("#page-drives .parameters"), source
         # The fields show the values of the parameters, and a refused entry disappears.
         field = "document.querySelector('#page-drives .parameters input')"
         name = self.page.until(f"{field}?.getAttribute('aria-label')")
