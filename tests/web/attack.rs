@@ -268,7 +268,8 @@ fn a_refused_request_does_not_cost_the_next_one_on_its_connection() {
     stream.write_all(head("GET", &server.path("time"), "application/json", 0).as_bytes()).unwrap();
     let length = stream.read(&mut begin).unwrap();
     assert!(begin[..length].starts_with(b"HTTP/1.1 200 "), "{}", String::from_utf8_lossy(&begin[..length]));
-    // A request that the server does not take at all: its body is not read, so the connection ends, and the client learns it.
+    // A request that the server does not take at all: its body is not read, so the connection ends, and the client
+    // learns it.
     stream.write_all(head("POST", &server.path("advance"), "text/plain", 8).as_bytes()).unwrap();
     let length = stream.read(&mut begin).unwrap();
     let answer = String::from_utf8_lossy(&begin[..length]);
