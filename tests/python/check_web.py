@@ -715,29 +715,42 @@ def other_plant(program, browser):
         page.until("document.querySelector('#clock .time')?.textContent === '0.001000 s'")
         # The page Registers shows a block if the plant has none of the followed registers.
         for rest in ["", "/followed"]:
-            page.value(f"localStorage.setItem('commram.followed.{emulator.name}', JSON.stringify(['gone:dp.w_X'])); location.hash = '#/{emulator.name}/registers{rest}'; window.isOld = true; location.reload(); true")
-            page.until("!window.isOld && document.querySelectorAll('.registers-page .rows-body .row').length > 1", rest)
+            page.value(f"localStorage.setItem('commram.followed.{emulator.name}', JSON.stringify(['gone:dp.w_X'])); location.hash = '#/{emulator.name}/registers{rest}'; true")
+            page.reload()
+            page.until("document.querySelectorAll('.registers-page .rows-body .row').length > 1", rest)
         # The browser reports the refused request for the map of the unknown PLC itself.
         page.complaints()
 
 
 def late_stream(program, browser):
-    """The page CANopen shows a node that sends its first frame before the stream of the page is open."""
+    """The page CANopen shows frames that a node sends before the stream of the page is open."""
     with tempfile.TemporaryDirectory() as directory:
         plant = Path(directory, "plant.toml")
         plant.write_text(CANOPEN)
         with opened(program, browser, str(plant), "--clock", "stepped") as (emulator, page):
-            page.value("""(() => { const send = window.fetch;
+            # The first stream of the page begins after the emulated time in which the node sends frames. A slow browser may open
+            # a stream without the journal before, from which on the server keeps the records.
+            late = """const send = window.fetch;
+                let readAt = 0;
                 window.fetch = async (path, options) => {
-                    if (path.includes("journal=1")) {
+                    if (path.includes("/events?") && !path.includes("journal=1")) return new Promise(() => {});
+                    if (path.includes("/events?")) {
+                        // If the page reads the past before the stream, it has done so.
+                        while (performance.now() - readAt < 500) await new Promise((resolve) => setTimeout(resolve, 20));
                         window.fetch = send;
                         const headers = { ...options.headers, Accept: "application/json", "Content-Type": "application/json" };
                         await send(path.replace(/events.*/, "advance"), { method: "POST", headers, body: '{"us": 5000000}' });
                     }
-                    return send(path, options);
-                }; return true; })()""")
+                    if (!path.includes("/journal?")) return send(path, options);
+                    readAt = Infinity;
+                    return send(path, options).finally(() => (readAt = performance.now()));
+                };"""
+            script = browser.ask("Page.addScriptToEvaluateOnNewDocument", source=late)
             page.value(f"location.hash = '#/{emulator.name}/canopen'; true")
-            page.until("document.querySelector('main table')?.textContent.includes('Node 5')")
+            page.reload()
+            row = "[...document.querySelectorAll('main table tr')].find((it) => it.textContent.includes('Node 5'))?.textContent"
+            page.until(f"{row} && !{row}.includes('0.000000 s')")
+            browser.ask("Page.removeScriptToEvaluateOnNewDocument", identifier=script["identifier"])
             assert not (wrong := page.complaints()), wrong
 
 
