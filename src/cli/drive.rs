@@ -103,9 +103,8 @@ mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError};
-    use crate::devices::ParameterState;
     use crate::layout::did_you_mean;
-    use crate::request::json::drives::{DriveJson, DriveLine};
+    use crate::request::json::drives::{DriveJson, DriveLine, ParameterJson};
     use crate::request::{DriveEntry, Op};
     use serde::Serialize;
 
@@ -196,20 +195,22 @@ mod by_channel {
         }
     }
 
-    impl Row for ParameterState {
+    impl Row for ParameterJson {
         const COLUMNS: &'static [&'static str] =
-            &["parameter", "value", "unit", "min", "max", "read_only", "name"];
+            &["parameter", "value", "unit", "min", "max", "read_only", "name", "provenance"];
 
         fn cells(&self) -> Vec<String> {
             let or_dash = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
+            let state = &self.state;
             vec![
-                format!("P{}", self.number),
-                self.value.to_string(),
-                or_dash(&self.unit),
-                self.min.to_string(),
-                self.max.to_string(),
-                self.read_only.to_string(),
-                or_dash(&self.name),
+                format!("P{}", state.number),
+                state.value.to_string(),
+                or_dash(&state.unit),
+                state.min.to_string(),
+                state.max.to_string(),
+                state.read_only.to_string(),
+                or_dash(&state.name),
+                or_dash(self.provenance.as_deref().unwrap_or_default()),
             ]
         }
     }

@@ -36,6 +36,9 @@ pub(crate) mod serial_bus;
 pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
 
 #[cfg(feature = "emulator")]
+pub(crate) use cansync::drive::parameter_provenance;
+
+#[cfg(feature = "emulator")]
 pub use self::{
     canopen::node_sends,
     emulation::catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device},

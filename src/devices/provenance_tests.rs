@@ -1,8 +1,8 @@
 //! Checks the sources of all facts of the register maps. A fact either is documented, with its page, or
 //! follows from a decision in one of the pages `decisions.md` of the documentation.
 
-use super::all;
 use super::omega_drive_line_2::registers::DEVICE;
+use super::{all, bm4_o_can_06, omega_drive_line_2};
 use crate::layout::{DeviceLayout, Meaning, Provenance, Register, Structure, ValueMeaning};
 use std::collections::BTreeMap;
 
@@ -63,6 +63,31 @@ fn every_fact_has_a_page_or_a_decision() {
     }
 }
 
+/// The comments of the layouts have the pages of the documented deadlines.
+#[test]
+fn every_deadline_of_a_baud_rate_has_a_page_or_a_decision() {
+    let rates =
+        [&omega_drive_line_2::registers::BAUD_RATES[..], &bm4_o_can_06::registers::BAUD_RATES].concat();
+    for rate in rates {
+        for deadline in [rate.deadline_WRC, rate.deadline_RDC1, rate.deadline_RDC2] {
+            if deadline.source.decision().is_some() {
+                check(&format!("{} kbit/s", rate.kbit_per_s), deadline.source, "");
+            }
+        }
+    }
+}
+
+#[test]
+#[cfg(feature = "emulator")]
+fn every_fact_of_a_drive_parameter_has_a_page_or_a_decision() {
+    for row in &super::cansync::drive::PARAMETERS {
+        for (fact, source) in row.facts() {
+            assert_ne!(source, Provenance::Manual, "P{}: {fact}: the source names the manual", row.number);
+            check(&format!("P{}: {fact}", row.number), source, "");
+        }
+    }
+}
+
 fn every_fact_of(device: &'static DeviceLayout) {
     for word in device.front {
         check(word.name, word.source, word.page);
@@ -71,8 +96,22 @@ fn every_fact_of(device: &'static DeviceLayout) {
         check(&object.to_string(), object.row_from, object.page);
         check(&object.to_string(), object.default_from, object.page);
     }
+    if let Some(gsd) = device.gsd {
+        for key in gsd.keys {
+            check(key.name, key.from, gsd.page);
+        }
+        if let Some(texts) = &gsd.diagnosis {
+            check(texts.register.name, texts.from, gsd.page);
+        }
+        for module in gsd.modules {
+            check(module.name, module.from, module.page);
+        }
+    }
     for area in device.areas {
         check(area.name, area.name_from, area.page);
+        if let Some(phases) = area.phases {
+            check(phases.register, phases.source, area.page);
+        }
         for placed in area.structures {
             check(placed.variable, placed.variable_from, placed.structure.page);
         }

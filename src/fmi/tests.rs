@@ -123,6 +123,28 @@ fn a_set_is_a_store_and_one_that_changes_nothing_of_the_plcs_own_is_none() {
 }
 
 #[test]
+fn a_set_of_several_variables_sets_all_or_none() {
+    let mut unit = unit(&[]);
+    let own = at(&unit, "node2.b_BT_1");
+    let set = |unit: &mut Unit, other, value| {
+        let values = [(own, Value::Integer(0x1C)), (other, Value::Integer(value))];
+        unit.set_all(VariableType::U8, values.into_iter())
+    };
+    let before = unit.plant().journal().hash();
+    for other in [at(&unit, "node2.b_CTRLREG_WRC1.out"), at(&unit, "node2.w_CPU_CONTROL"), u32::MAX] {
+        assert!(set(&mut unit, other, 5).is_err());
+        assert_eq!(unit.get(own, VariableType::U8), Ok(Value::Integer(0)), "{other}");
+    }
+    assert_eq!(unit.plant().journal().hash(), before);
+    let both = at(&unit, "node2.b_CTRLREG_WRC1");
+    set(&mut unit, both, 5).unwrap();
+    assert_eq!(
+        [own, both].map(|it| unit.get(it, VariableType::U8)),
+        [0x1C, 5].map(|it| Ok(Value::Integer(it)))
+    );
+}
+
+#[test]
 fn registers_are_chosen_by_name_and_pattern() {
     let of_drives = names(&["node2.w_CPU_CONTROL"]).len() - 3;
     let chosen = names(&["node2.a_WR_VALUE[0..1]", "line:node2.w_CPU_CONTROL"]);

@@ -265,12 +265,41 @@ impl Unit {
     /// # Errors
     /// There is no such variable, it has another type or is an output, or the value is not finite.
     pub fn set(&mut self, reference: u32, kind: VariableType, value: Value) -> Result<(), UnitError> {
+        self.set_all(kind, core::iter::once((reference, value)))
+    }
+
+    /// Sets variables of this type as [`set`](Self::set) does, in the given order.
+    ///
+    /// # Errors
+    /// [`set`](Self::set) would refuse a variable. Then no variable is set.
+    pub fn set_all(
+        &mut self,
+        kind: VariableType,
+        values: impl Iterator<Item = (u32, Value)> + Clone,
+    ) -> Result<(), UnitError> {
+        values.clone().try_for_each(|(reference, value)| self.settable(reference, kind, value).map(drop))?;
+        for (reference, value) in values {
+            let quantity = self.settable(reference, kind, value)?;
+            self.store(quantity, value);
+        }
+        Ok(())
+    }
+
+    /// Returns the quantity of a variable of this type that takes this value.
+    fn settable(&self, reference: u32, kind: VariableType, value: Value) -> Result<Quantity, UnitError> {
         let variable = self.variable(reference, kind)?;
         let name = || variable.name.clone();
         if !matches!(variable.causality, super::Causality::Input | super::Causality::Parameter) {
             return Err(UnitError::Output { name: name() });
         }
-        match (variable.quantity, value) {
+        match value {
+            Value::Float(value) if !value.is_finite() => Err(UnitError::NotFinite { name: name(), value }),
+            _ => Ok(variable.quantity),
+        }
+    }
+
+    fn store(&mut self, quantity: Quantity, value: Value) {
+        match (quantity, value) {
             (Quantity::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
                 let bits = value as u32 & ty.mask();
                 // Some tools set all variables at each step; this must not cause more stores than a program would make
@@ -285,16 +314,12 @@ impl Unit {
                     self.plant.turn_shaft(drive, None);
                 }
             }
-            (Quantity::Shaft { .. }, Value::Float(value)) if !value.is_finite() => {
-                return Err(UnitError::NotFinite { name: name(), value });
-            }
             (Quantity::Shaft { drive, .. }, Value::Float(speed)) => {
                 self.own.shafts.set_speed(drive, speed);
             }
             // The type of the variable determines its value.
             _ => {}
         }
-        Ok(())
     }
 
     /// Returns the new findings of the access checker, one line for each register that has had no finding before.

@@ -26,6 +26,7 @@ fn drives_are_listed_shown_and_set() {
     let parameters = shown["parameters"].as_array().unwrap();
     let slot = parameters.iter().find(|it| it["number"] == 167).unwrap();
     assert_eq!((&slot["value"], &slot["read_only"]), (&4000.into(), &false.into()));
+    assert_eq!(slot["provenance"], "manual: 5.00005.03a p. 74; inferred: values D-863");
     let drives = json(&emulator, "drive", &["list"]);
     assert_eq!(drives[3]["state"], "ready_to_switch_on");
     // Without SYNC a drive continues with its local clock.
@@ -34,7 +35,7 @@ fn drives_are_listed_shown_and_set() {
     let trace = emulator.run("trace", &[]);
     assert!(trace.ok().contains("drive 1: P300 set to -1000 by hand"), "{}", trace.out);
     let text = emulator.run("drive", &["show", "drive1"]);
-    for part in ["operation_enabled", "P167", "SYNC", "ZK 25"] {
+    for part in ["operation_enabled", "P167", "SYNC", "inferred: parameter D-27", "ZK 25"] {
         assert!(text.ok().contains(part), "{part}\n{}", text.out);
     }
 }

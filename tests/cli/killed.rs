@@ -5,12 +5,22 @@ use crate::common::{
     run, stat, unique_name,
 };
 use std::io::{BufRead, BufReader, Write};
-use std::process::{ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ExitStatus, Stdio};
 use std::time::Duration;
 
 /// Stops an emulator within the promised time.
 fn stop(emulator: &mut Emulator) -> (Outcome, ExitStatus) {
     promised(Duration::from_secs(2), || (emulator.run("stop", &[]), emulator.wait()))
+}
+
+/// Starts a shell of the emulator, and enters its first line.
+fn shell_with(emulator: &Emulator, line: &str) -> (Child, ChildStdin) {
+    let mut command = emulator.command("shell", &[]);
+    let mut shell =
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut input = shell.stdin.take().unwrap();
+    writeln!(input, "{line}").unwrap();
+    (shell, input)
 }
 
 #[test]
@@ -38,11 +48,7 @@ fn snapshots_of_an_ended_shell_take_no_place() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("a.snap").display().to_string();
     for is_killed in [true, false] {
-        let mut command = emulator.command("shell", &[]);
-        let mut shell =
-            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut input = shell.stdin.take().unwrap();
-        input.write_all(b"for i in 0..64 { save(); } print(\"saved\");\n").unwrap();
+        let (mut shell, input) = shell_with(&emulator, "for i in 0..64 { save(); } print(\"saved\");");
         let lines = BufReader::new(shell.stdout.take().unwrap()).lines();
         assert!(lines.map_while(Result::ok).any(|line| line.contains("saved")));
         if is_killed {
@@ -96,11 +102,7 @@ fn a_client_that_waits_learns_that_another_emulator_runs() {
 fn a_connected_client_does_not_act_on_the_next_emulator() {
     for is_killed in [false, true] {
         let mut emulator = Emulator::stepped();
-        let mut command = emulator.command("shell", &[]);
-        let mut shell =
-            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut input = shell.stdin.take().unwrap();
-        input.write_all(b"step(\"5ms\"); print(now());\n").unwrap();
+        let (mut shell, mut input) = shell_with(&emulator, "step(\"5ms\"); print(now());");
         let mut line = String::new();
         BufReader::new(shell.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
         assert_eq!(line, "5000\n");
@@ -373,8 +375,8 @@ fn stop_in_another_pid_namespace_says_where_the_emulator_is() {
     emulator.signal("-CONT");
 }
 
-/// The files of an instance may name a process that has nothing to do with it, and the kernel may not show the holder of
-/// the locks.
+/// The files of an instance may name a process that has nothing to do with it, and the kernel may not show the holder
+/// of the locks.
 #[test]
 fn stop_signals_no_process_that_does_not_hold_the_locks() {
     let mut emulator = Emulator::stepped();

@@ -2,7 +2,8 @@
 
 use commram::devices::folder;
 use commram::fmi::{Resources, Unit, Value, VariableType};
-use commram::plant::PlantConfig;
+use commram::memory::Segment;
+use commram::plant::{Plant, PlantConfig};
 use commram::script::{Bench, Limits, Outcome, run_file};
 use std::fs;
 use std::path::Path;
@@ -307,6 +308,33 @@ fn violations_and_stops_are_findings_with_their_text() {
     bench.back_to(saved).unwrap();
     assert_eq!((texts(&mut bench).len(), bench.journal_hash()), (2, before));
     assert_eq!(texts(&mut bench)[1], own("second rule", 2));
+}
+
+/// A snapshot has the files that the device uses.
+#[test]
+fn a_script_that_no_other_script_imports_may_change_after_a_snapshot() {
+    let card = Card::new("import \"helper\" as helper;\nfn poll() { helper::count(); }");
+    let text = format!("[[device]]\nname = 'card'\nkind = '{}'\n", card.dir().display());
+    let plant = || {
+        let config = PlantConfig::parse("plant", &text).unwrap();
+        Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device))).unwrap()
+    };
+    card.write("helper.rhai", "fn count() { 1 }");
+    card.write("spare.rhai", "fn spare() { 1 }");
+    let snapshot = plant().snapshot();
+    card.write("spare.rhai", "fn spare() { 2 }");
+    plant().restore(&snapshot).unwrap();
+    card.write("helper.rhai", "fn count() { 2 }");
+    plant().restore(&snapshot).unwrap_err();
+    // The script may import every file if it computes a name.
+    card.write(
+        "firmware.rhai",
+        "let name = \"helper\";\nimport name as helper;\nfn poll() { helper::count(); }",
+    );
+    let snapshot = plant().snapshot();
+    assert_eq!(folder::load(card.dir()).unwrap().unread_files(card.dir()).unwrap(), Vec::<String>::new());
+    card.write("spare.rhai", "fn spare() { 3 }");
+    plant().restore(&snapshot).unwrap_err();
 }
 
 /// A device declares its own records, and its script writes them.
@@ -951,8 +979,8 @@ fn a_wrong_script_is_refused_with_its_line() {
     assert!(Card::new(&many).refused().contains("a call with 17 arguments; it has at most 16"));
 }
 
-/// The messages about calls have the numbers of parameters and arguments. The cards share their registers, because a process
-/// reads a limited number of folders.
+/// The messages about calls have the numbers of parameters and arguments. The cards share their registers, because a
+/// process reads a limited number of folders.
 #[test]
 fn a_wrong_number_of_arguments_is_named() {
     let card = Card::new("");

@@ -102,6 +102,11 @@ class Page:
         self.browser.ask("Page.navigate", url=address)
         self.browser.wait("Page.loadEventFired")
 
+    def reload(self):
+        self.browser.events.clear()
+        self.browser.ask("Page.reload")
+        self.browser.wait("Page.loadEventFired")
+
     def size(self, width, height):
         self.browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 

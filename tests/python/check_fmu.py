@@ -130,6 +130,10 @@ refused(lambda: two.unit.doStep(two.us / 1e6, -0.001), "must not be negative")
 refused(lambda: two.unit.getUInt8([1 << 20]), "there is no variable")
 refused(lambda: two.unit.getUInt8([variables["node2.w_CPU_CONTROL"].valueReference]), "is of type UInt16")
 refused(lambda: two.unit.setUInt16([variables["node2.w_OPTION_STATUS"].valueReference], [1]), "is an output")
+before = two["node2.w_CPU_CONTROL"]
+several = [variables[name].valueReference for name in ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS"]]
+refused(lambda: two.unit.setUInt16(several, [before ^ 1, 1]), "is an output")
+assert two["node2.w_CPU_CONTROL"] == before
 refused(lambda: two.unit.deserializeFMUState(saved[:-9]), "no state")
 three = Machine("three", start=1.0, stop=1.005)
 three.to(5000)

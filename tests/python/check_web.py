@@ -156,9 +156,13 @@ class Check:
         self.page.until("document.querySelector('.now').textContent.startsWith('16#0001')")
         self.refuses("16#10000", "does not fit")
         # A digit that the base does not have is refused, not cut off.
-        for wrong in ["2#12", "0b12", "8#19", "1e3"]:
+        for wrong in ["2#12", "0b12", "8#19", "1e3", "0b101", "0o17", "1__0", "16#-1"]:
             self.refuses(wrong, f"'{wrong}' is not a value")
         assert self.emulator.peek("node2.w_CPU_CONTROL")["value"] == 1
+        for right, value in [("2#1_0", 2), ("8#17", 15), ("0x1", 1)]:
+            self.page.enter(".detail input[name=value]", right)
+            self.page.click(".detail button", "Poke")
+            self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], value, right)
 
     def says(self, text):
         self.page.until(f"document.getElementById('message').textContent.includes({json.dumps(text)})", text)
@@ -303,6 +307,8 @@ class Check:
             self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
             assert state in self.page.text("#page-drives tbody"), drive
         self.page.until("document.querySelector('#page-drives .parameters') !== null")
+        for source in ["manual: 5.00005.03a p. 74", "inferred: parameter D-162"]:
+            assert source in self.page.text("#page-drives .parameters"), source
         # The fields show the values of the parameters, and a refused entry disappears.
         field = "document.querySelector('#page-drives .parameters input')"
         name = self.page.until(f"{field}?.getAttribute('aria-label')")
@@ -707,8 +713,45 @@ def other_plant(program, browser):
         page.until("document.querySelectorAll('.chips .chip').length === 2")
         emulator.run("step", "1ms")
         page.until("document.querySelector('#clock .time')?.textContent === '0.001000 s'")
+        # The page Registers shows a block if the plant has none of the followed registers.
+        for rest in ["", "/followed"]:
+            page.value(f"localStorage.setItem('commram.followed.{emulator.name}', JSON.stringify(['gone:dp.w_X'])); location.hash = '#/{emulator.name}/registers{rest}'; true")
+            page.reload()
+            page.until("document.querySelectorAll('.registers-page .rows-body .row').length > 1", rest)
         # The browser reports the refused request for the map of the unknown PLC itself.
         page.complaints()
+
+
+def late_stream(program, browser):
+    """The page CANopen shows frames that a node sends before the stream of the page is open."""
+    with tempfile.TemporaryDirectory() as directory:
+        plant = Path(directory, "plant.toml")
+        plant.write_text(CANOPEN)
+        with opened(program, browser, str(plant), "--clock", "stepped") as (emulator, page):
+            # The first stream of the page begins after the emulated time in which the node sends frames. A slow browser may open
+            # a stream without the journal before, from which on the server keeps the records.
+            late = """const send = window.fetch;
+                let readAt = 0;
+                window.fetch = async (path, options) => {
+                    if (path.includes("/events?") && !path.includes("journal=1")) return new Promise(() => {});
+                    if (path.includes("/events?")) {
+                        // If the page reads the past before the stream, it has done so.
+                        while (performance.now() - readAt < 500) await new Promise((resolve) => setTimeout(resolve, 20));
+                        window.fetch = send;
+                        const headers = { ...options.headers, Accept: "application/json", "Content-Type": "application/json" };
+                        await send(path.replace(/events.*/, "advance"), { method: "POST", headers, body: '{"us": 5000000}' });
+                    }
+                    if (!path.includes("/journal?")) return send(path, options);
+                    readAt = Infinity;
+                    return send(path, options).finally(() => (readAt = performance.now()));
+                };"""
+            script = browser.ask("Page.addScriptToEvaluateOnNewDocument", source=late)
+            page.value(f"location.hash = '#/{emulator.name}/canopen'; true")
+            page.reload()
+            row = "[...document.querySelectorAll('main table tr')].find((it) => it.textContent.includes('Node 5'))?.textContent"
+            page.until(f"{row} && !{row}.includes('0.000000 s')")
+            browser.ask("Page.removeScriptToEvaluateOnNewDocument", identifier=script["identifier"])
+            assert not (wrong := page.complaints()), wrong
 
 
 def objects(program, browser):
@@ -774,6 +817,7 @@ def main():
         frozen(program, browser)
         objects(program, browser)
         other_plant(program, browser)
+        late_stream(program, browser)
         real_time(program, browser)
         debugging(program, browser, given)
         if given.load:

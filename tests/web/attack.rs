@@ -268,11 +268,45 @@ fn a_refused_request_does_not_cost_the_next_one_on_its_connection() {
     stream.write_all(head("GET", &server.path("time"), "application/json", 0).as_bytes()).unwrap();
     let length = stream.read(&mut begin).unwrap();
     assert!(begin[..length].starts_with(b"HTTP/1.1 200 "), "{}", String::from_utf8_lossy(&begin[..length]));
-    // A request that the server does not take at all: its body is not read, so the connection ends, and the client learns it.
+    // A request that the server does not take at all: its body is not read, so the connection ends, and the client
+    // learns it.
     stream.write_all(head("POST", &server.path("advance"), "text/plain", 8).as_bytes()).unwrap();
     let length = stream.read(&mut begin).unwrap();
     let answer = String::from_utf8_lossy(&begin[..length]);
     assert!(answer.starts_with("HTTP/1.1 415 ") && answer.contains("connection: close"), "{answer}");
+}
+
+/// A proxy that divides requests by Content-Length must not get an answer to a request within the body.
+#[test]
+fn a_request_with_a_transfer_encoding_is_the_last_one_on_its_connection() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let head = |path: &str, lengths: &str| {
+        format!(
+            "POST {path} HTTP/1.1\r\nhost: localhost\r\nauthorization: {}\r\n\
+             content-type: application/json\r\n{lengths}\r\n",
+            server.bearer()
+        )
+    };
+    let answers = |lengths: &str, body: &str| {
+        let path = server.path("advance");
+        let hidden = head(&path, "content-length: 8\r\n") + "{\"us\":1}";
+        let mut stream = server.connect();
+        stream.write_all((head(&path, lengths) + body + &hidden).as_bytes()).unwrap();
+        let mut answers = String::new();
+        // An error is ignored: the server closes the connection before it has read all bytes.
+        let _ = stream.read_to_string(&mut answers);
+        answers.split("HTTP/1.1 ").skip(1).map(|answer| answer[..3].to_owned()).collect::<Vec<_>>()
+    };
+    let chunk = "8\r\n{\"us\":1}\r\n0\r\n\r\n";
+    for lengths in [
+        "transfer-encoding: chunked\r\n",
+        "content-length: 4\r\ntransfer-encoding: chunked\r\n",
+        "transfer-encoding: chunked\r\ncontent-length: 4\r\n",
+    ] {
+        assert_eq!(answers(lengths, chunk), ["200"], "{lengths}");
+    }
+    assert_eq!(answers("content-length: 8\r\ncontent-length: 9\r\n", "{\"us\":1}"), ["400"]);
 }
 
 #[test]

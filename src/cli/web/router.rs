@@ -45,6 +45,7 @@ pub(super) fn router(app: Arc<App>) -> Router {
 }
 
 async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let has_transfer_encoding = request.headers().contains_key(header::TRANSFER_ENCODING);
     let mut has_unread_body = request.body().size_hint().exact() != Some(0);
     let received = match app.guard.check(&request) {
         // Without a token, only a short body is read, by the handler.
@@ -59,8 +60,10 @@ async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Res
     if is_plain_error(&response) {
         response = plain_problem(response).await.into_response();
     }
-    if has_unread_body && !response.status().is_success() {
-        // The rest of the body would be the begin of the next request, so the connection ends (RFC 9112, 9.6).
+    // The rest of an unread body would be the begin of the next request, so the connection ends (RFC 9112, 9.6). A
+    // request with Transfer-Encoding may also have had a Content-Length, which hyper removes. A proxy that divides the
+    // requests by the length must not send another request on this connection (RFC 9112, 6.1).
+    if has_transfer_encoding || has_unread_body && !response.status().is_success() {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     guard::protect(response.headers_mut());

@@ -186,12 +186,13 @@ impl FolderConfig {
 
 /// The debug output identifies the settings when a plant is compared with a snapshot. It contains the files
 /// of the device, but not the path of the folder.
-/// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not change it.
+/// A key that the plant file leaves out is not in the output, so that an additional key of a later build does not
+/// change it.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, folder, dir: _, layout: _, slot, bus, profibus, slaves } = self;
         let mut settings = f.debug_struct(folder.registered.layout.name);
-        settings.field("name", name).field("files", &folder.fingerprint);
+        settings.field("name", name).field("files", &folder.used);
         if let Some(Slot { controller, number, interface, trigger }) = slot {
             settings.field("option", &(controller, number, trigger));
             if let Some(interface) = interface {

@@ -97,6 +97,8 @@ pub struct Folder {
     image: Option<ProcessImage>,
     /// Hash of the files. Folders with different files have different numbers.
     fingerprint: u64,
+    /// Hash of the files that the device uses: scripts that no other script imports are left out.
+    used: u64,
     /// Hash of the handshakes. Folders with different handshakes have different numbers.
     tables: u64,
     /// Names of the files that the device has read. Files with fixed names are left out.
@@ -225,9 +227,14 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     }
     // If there is a script, the front panel has one more word, so the layout is different.
     let of_layout = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
-    let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
-    let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));
-    let fingerprint = fingerprint(dir, &read, others.chain(of_script));
+    let of_handshakes = handshakes.clone().map(|text| (handshakes::FILE.to_owned(), text));
+    let others: Vec<_> =
+        of_handshakes.into_iter().chain(script.iter().flat_map(Script::files).cloned()).collect();
+    let hash_of = |is_counted: &dyn Fn(&str) -> bool| {
+        let counted = others.iter().filter(|(name, _)| is_counted(name));
+        fingerprint(dir, &read, counted.map(|(name, text)| (name.as_str(), text.as_str())))
+    };
+    let fingerprint = hash_of(&|_| true);
     let mut loaded = loaded();
     if let Some(known) = loaded.folders.iter().find(|known| known.fingerprint == fingerprint) {
         return Ok(known);
@@ -244,6 +251,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if let Some(script) = &mut script {
         inputs.extend(script.check(dir, layout, &records)?);
     }
+    let used = hash_of(&|name| files::FIXED.contains(&name) || inputs.contains(name));
     check_fault_hook(dir, script.as_ref(), &rows, &faults)?;
     check_image(dir, layout, image.is_some())?;
     let fault_kinds = loaded.faults.kinds(layout.name, &faults);
@@ -260,6 +268,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
         script,
         image,
         fingerprint,
+        used,
         tables,
         inputs,
     };

@@ -1,7 +1,7 @@
 //! Drives in JSON.
 
 use super::InJson;
-use crate::devices::{DriveDetails, DriveState, ParameterState};
+use crate::devices::{DriveDetails, DriveState, ParameterState, parameter_provenance};
 use crate::journal::Names;
 use crate::request::DriveEntry;
 use serde::Serialize;
@@ -61,11 +61,27 @@ pub(crate) struct DriveJson {
     pub state: StateJson,
     /// Parameters of the drive's interface card, by their numbers.
     pub zk: BTreeMap<u8, u16>,
-    pub parameters: Vec<ParameterState>,
+    pub parameters: Vec<ParameterJson>,
+}
+
+/// A parameter of a drive, with the sources of its facts.
+#[derive(Serialize)]
+pub(crate) struct ParameterJson {
+    #[serde(flatten)]
+    pub state: ParameterState,
+    /// `None` for a parameter that the plant file has added.
+    pub provenance: Option<String>,
+}
+
+impl From<ParameterState> for ParameterJson {
+    fn from(state: ParameterState) -> Self {
+        ParameterJson { provenance: parameter_provenance(&state.name), state }
+    }
 }
 
 impl From<DriveDetails> for DriveJson {
     fn from(DriveDetails { state, parameters, card }: DriveDetails) -> Self {
+        let parameters = parameters.into_iter().map(ParameterJson::from).collect();
         DriveJson { state: state.into(), zk: card.into_iter().collect(), parameters }
     }
 }

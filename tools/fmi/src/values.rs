@@ -104,10 +104,8 @@ unsafe fn set<T: Typed>(
         are_as_many(count, value_count)?;
         // SAFETY: by the contract of this function.
         let (references, values) = unsafe { (read(references, count)?, read(values, count)?) };
-        for (reference, value) in references.iter().zip(values) {
-            it.unit.set(*reference, T::KIND, value.value())?;
-        }
-        Ok(())
+        let values = values.iter().map(|value| value.value());
+        Ok(it.unit.set_all(T::KIND, references.iter().copied().zip(values))?)
     })
 }
 

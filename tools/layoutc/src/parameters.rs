@@ -34,6 +34,10 @@ pub(crate) struct Row {
     page: Option<String>,
     /// Number of the decision, if no manual names the parameter.
     inferred: Option<String>,
+    /// Number of the decision, if the unit has another source than the parameter.
+    unit_from: Option<String>,
+    /// Number of the decision, if width, limits and default have another source than the parameter.
+    values_from: Option<String>,
     #[serde(default)]
     settle_us: u32,
 }
@@ -108,14 +112,17 @@ impl Row {
 
     fn emit(&self, out: &mut String) {
         let (number, range) = (self.number.get_ref(), self.range());
-        let source = match &self.inferred {
-            Some(decision) => format!("inferred {decision}"),
-            None => self.page.clone().unwrap_or_default(),
-        };
+        let inferred = |decision: &String| format!("Provenance::Inferred({decision:?})");
+        let page = self.page.as_deref().unwrap_or_default();
+        let source =
+            self.inferred.as_ref().map_or_else(|| format!("Provenance::Documented({page:?})"), inferred);
+        let [unit_from, values_from] = [&self.unit_from, &self.values_from]
+            .map(|from| from.as_ref().map_or_else(|| source.clone(), inferred));
         let _ = writeln!(
             out,
             "    ParameterRow {{ number: {number}, name: {:?}, format: ParamFormat::{:?}, min: {}, max: {}, \
-             default: {}, read_only: {}, unit: {:?}, source: {source:?}, settle_us: {} }},",
+             default: {}, read_only: {}, unit: {:?}, source: {source}, \
+             unit_from: {unit_from}, values_from: {values_from}, settle_us: {} }},",
             self.name,
             self.format,
             range.start(),

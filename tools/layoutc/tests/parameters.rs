@@ -27,6 +27,7 @@ default = 3
 access = "read_only"
 unit = ""
 inferred = "D-1"
+values_from = "D-2"
 settle_us = 40
 "#;
 
@@ -47,8 +48,12 @@ fn refused(from: &str, to: &str, expected: &str) {
 fn a_correct_table() {
     let rust = compile(TABLE).unwrap();
     for line in [
-        "min: -5, max: 10, default: 65535, read_only: false, unit: \"mm\", source: \"1 p. 2\", settle_us: 0",
-        "min: 0, max: 4294967295, default: 3, read_only: true, unit: \"\", source: \"inferred D-1\", settle_us: 40",
+        "min: -5, max: 10, default: 65535, read_only: false, unit: \"mm\"",
+        "source: Provenance::Documented(\"1 p. 2\"), unit_from: Provenance::Documented(\"1 p. 2\"), values_from: \
+         Provenance::Documented(\"1 p. 2\"), settle_us: 0",
+        "min: 0, max: 4294967295, default: 3, read_only: true, unit: \"\"",
+        "source: Provenance::Inferred(\"D-1\"), unit_from: Provenance::Inferred(\"D-1\"), values_from: \
+         Provenance::Inferred(\"D-2\"), settle_us: 40",
         "pub const ANGLE: u16 = 9;",
     ] {
         assert!(rust.contains(line), "{line}\n{rust}");

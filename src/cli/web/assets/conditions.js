@@ -1,6 +1,7 @@
 // Conditions on registers, as in `commram wait`.
 
 import { operationsFor, server, show } from "./api.js";
+import { partsOf } from "./values.js";
 
 /** Converts a text such as `node2.w_OPTION_STATUS==2 and node2.b_AC&1!=0` to `condition` operations. Throws an Error if it is invalid. */
 export async function conditionsOf(text) {
@@ -18,4 +19,4 @@ export async function failureOf(text, within) {
 }
 
 /** Name of a followed register without its PLC if the plant has only one. */
-export const shortName = (key) => (server.plcCount === 1 ? key.slice(key.indexOf(":") + 1) : key);
+export const shortName = (key) => (server.plcCount === 1 ? partsOf(key).name : key);

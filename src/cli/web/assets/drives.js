@@ -115,10 +115,10 @@ class DrivesPage {
   /** Builds the tables. `fields` maps the number of each parameter to the function that shows its value. */
   build(drive, parameters, zk) {
     this.fields = new Map();
-    const rows = parameters.map((it) => h("tr", null, tdMono(String(it.number)), td(it.name), td(this.control(it)), td(it.unit), tdMono(`${it.min} \u2026 ${it.max}`)));
+    const rows = parameters.map((it) => h("tr", null, tdMono(String(it.number)), td(it.name), td(this.control(it)), td(it.unit), tdMono(`${it.min} \u2026 ${it.max}`), td(it.provenance ?? "plant file")));
     const zkRows = Object.keys(zk).map((number) => h("tr", null, tdMono(number), td(this.text(`ZK ${number}`))));
     fill(this.details, h("header", { class: "boxhead" }, h("h2", null, `Parameters of ${drive}`)),
-      h("div", { class: "parameters pad" }, table(["No.", "Name", "Value", "Unit", "Range"], rows, "Parameters"), zkRows.length > 0 && table(["ZK", "Value"], zkRows, "ZK parameters")));
+      h("div", { class: "parameters pad" }, table(["No.", "Name", "Value", "Unit", "Range", "Provenance"], rows, "Parameters"), zkRows.length > 0 && table(["ZK", "Value"], zkRows, "ZK parameters")));
     guard(this.details);
   }
 

@@ -1,6 +1,6 @@
 // The event stream of an instance: one connection for all parts of the page, and the latest state of each.
 
-import { EventStream, eventsPath, isSignedIn, readInstances, server } from "./api.js";
+import { EventStream, eventsPath, isSignedIn, readInstances, readPast, server } from "./api.js";
 import { later, perFrame } from "./dom.js";
 import { setNotice, showError } from "./messages.js";
 
@@ -37,6 +37,8 @@ class Feed {
   #source = null;
   #path = "";
   #turnedUs = null;
+  #isStale = true;
+  #waiting = [];
   #followed = new Set();
   #shown = new Set();
   #notify = perFrame(() => this.#deliver());
@@ -65,7 +67,42 @@ class Feed {
    */
   want(owner, { follow = [], values = [], events = [], kinds } = {}) {
     this.#wants.set(owner, { follow, values, events, kinds });
+    this.#isStale = true;
     this.#connect();
+  }
+
+  /** Waits until a stream with all wanted data is open. The page misses no later event. */
+  opened() {
+    return new Promise((resolve) => {
+      this.#waiting.push(resolve);
+      this.#connect();
+    });
+  }
+
+  /**
+   * Calls `take` with the last `count` records of the journal, then with each later record once. Returns a function that ends these
+   * calls.
+   */
+  followJournal(owner, count, take) {
+    let early = [];
+    let isOpen = true;
+    const off = this.onEach("journal", ({ records }) => (early ? early.push(...records) : take(records)));
+    this.want(owner, { events: ["journal"] });
+    const start = async () => {
+      // A record between the end of the past and the begin of the stream would be lost, so the stream begins first.
+      await this.opened();
+      const past = await readPast(count).catch((problem) => (showError(problem), []));
+      if (!isOpen) return;
+      const end = past.at(-1)?.seq ?? -1;
+      take([...past, ...early.filter(({ seq }) => !(seq <= end))]);
+      early = null;
+    };
+    start();
+    return () => {
+      isOpen = false;
+      off();
+      this.leave(owner);
+    };
   }
 
   /** Removes the requirements of a part of the page. */
@@ -142,7 +179,8 @@ class Feed {
       if (!this.#followed.has(key)) value.sinceUs = undefined;
     }
     const path = eventsPath(fields);
-    if (path === this.#path && this.#source) return;
+    this.#isStale = false;
+    if (path === this.#path && this.#source) return this.#source.hasBegun && this.#endWaiting();
     this.#path = path;
     const old = this.#source;
     const source = new EventStream(path);
@@ -154,10 +192,17 @@ class Feed {
     source.onfailed = () => this.#failed(source);
   }
 
+  #endWaiting() {
+    this.#waiting.splice(0).forEach((resolve) => resolve());
+  }
+
   #take(source, event, message) {
     if (source !== this.#source) return;
     const data = JSON.parse(message.data);
     setNotice("stream", "");
+    // Each stream begins with the clock.
+    source.hasBegun = true;
+    if (!this.#isStale) this.#endWaiting();
     this.latest[event] = data;
     this["_" + event]?.(data);
     for (const listener of this.#listeners.get(`each ${event}`) ?? []) listener(data);

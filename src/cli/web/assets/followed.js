@@ -9,7 +9,7 @@ import { RowList } from "./list.js";
 import { entryOf } from "./map.js";
 import { showError } from "./messages.js";
 import { onPins, pinned, togglePin } from "./pins.js";
-import { digits, duration, hex, seconds, short, signed } from "./values.js";
+import { digits, duration, hex, partsOf, seconds, short, signed } from "./values.js";
 
 const LANES = 12;
 /** Maximum number of changes in the list, and of points of a register. */
@@ -61,7 +61,7 @@ class FollowedPage {
   /** Follows the chosen registers. The plant may be another one than at the time of the choice, and may not have all of them. */
   async start() {
     const chosen = pinned();
-    const entryFor = (key) => entryOf(key.slice(0, key.indexOf(":")), key.slice(key.indexOf(":") + 1)).catch(() => null);
+    const entryFor = (key) => entryOf(partsOf(key).plc, partsOf(key).name).catch(() => null);
     const entries = await Promise.all(chosen.map(entryFor));
     if (!this.isOpen || `${chosen}` !== `${pinned()}`) return;
     this.names = chosen.filter((_, at) => entries[at]);
@@ -80,6 +80,8 @@ class FollowedPage {
     this.recorded = new Map();
     this.reset(feed.changes);
     try {
+      // A change between the end of the past and the begin of the stream would be lost, so the stream begins first.
+      await feed.opened();
       const { beginUs, changes: past } = await changesInJournal();
       for (const change of past) this.recorded.set(keyOf(change), beginUs);
       const key = (change) => `${keyOf(change)} ${change.time_us} ${numberOf(change.after)}`;

@@ -1,10 +1,9 @@
 // Page "Journal": the records of the emulator, with a filter; the newest at the end.
 
-import { readPast, server } from "./api.js";
+import { server } from "./api.js";
 import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
-import { showError } from "./messages.js";
 import { digits, seconds } from "./values.js";
 
 /** Number of records that the page keeps, and number of past records that it reads at the start. */
@@ -13,13 +12,11 @@ const HIDDEN = new Set(["v", "seq", "time_us", "kind", "line", "count", "first_u
 
 export function journalPage(root, rest, context) {
   const page = new JournalPage(root, context);
-  page.read().catch(showError);
-  const offs = [feed.on("turned", (turned) => page.turn(turned))];
-  const source = feed.onEach("journal", ({ records }) => page.take(records));
-  feed.want("journal", { events: ["journal"] });
+  page.read();
+  const off = feed.on("turned", (turned) => page.turn(turned));
   const end = () => {
-    [...offs, source].forEach((off) => off());
-    feed.leave("journal");
+    off();
+    page.endJournal();
     page.rows.observer.disconnect();
   };
   return Object.assign(end, { key: (event) => event.key === "/" && (page.text.select(), true) });
@@ -48,10 +45,10 @@ class JournalPage {
     this.draw = perFrame(() => this.filter());
   }
 
-  async read() {
-    const records = await readPast(PAST);
+  read() {
+    this.endJournal?.();
     this.records = [];
-    this.take(records);
+    this.endJournal = feed.followJournal("journal", PAST, (records) => this.take(records));
   }
 
   /** Removes later records after the plant has gone back: new records get their numbers. */
@@ -62,7 +59,7 @@ class JournalPage {
       this.detail.hidden = true;
       fill(this.jump);
     }
-    this.read().catch(showError);
+    this.read();
   }
 
   take(records) {

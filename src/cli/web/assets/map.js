@@ -1,6 +1,7 @@
 // The register map of each PLC: entries, arrays with their elements, and the numbers that operations need.
 
 import { operationsFor, server, show } from "./api.js";
+import { partsOf } from "./values.js";
 
 const maps = new Map();
 const places = new Map();
@@ -93,7 +94,7 @@ export async function liveNameOf(place, plcs) {
 /** Returns the register at an address as `{key, name, entry}`; null if the map has no register at the address. */
 export async function registerAt(plc, address) {
   const [{ register }] = await show("registers", { name: `${plc}:${address}` });
-  const name = register.slice(register.indexOf(":") + 1);
+  const { name } = partsOf(register);
   const entry = await entryOf(plc, name);
   return entry && { key: `${plc}:${name}`, name, entry };
 }

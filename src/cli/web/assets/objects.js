@@ -1,7 +1,7 @@
 // Page "CANopen": the nodes with their states, network management, and object dictionaries read by SDO.
 
 import { guard } from "./actions.js";
-import { readPast, show } from "./api.js";
+import { show } from "./api.js";
 import { choice, field, fill, h, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { withSource } from "./map.js";
@@ -23,13 +23,7 @@ const PAST = 4_096;
 
 export function canopenPage(root, rest, context) {
   const page = new CanopenPage(root, context);
-  const off = feed.onEach("journal", ({ records }) => page.take(records));
-  feed.want("canopen", { events: ["journal"] });
-  page.readPast().catch(showError);
-  return () => {
-    off();
-    feed.leave("canopen");
-  };
+  return page.buses.length ? feed.followJournal("canopen", PAST, (records) => page.take(records)) : null;
 }
 
 class CanopenPage {
@@ -48,14 +42,7 @@ class CanopenPage {
     this.draw();
   }
 
-  async readPast() {
-    if (!this.buses.length) return;
-    this.take(await readPast(PAST));
-    this.draw();
-  }
-
   take(records) {
-    if (!this.buses.length) return;
     let isNew = false;
     for (const record of records) {
       if (record.kind === "node_state" && typeof record.node === "number") isNew = this.#note(record.node, record.time_us, record.to, record.plc) || isNew;

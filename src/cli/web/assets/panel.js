@@ -8,7 +8,7 @@ import { Lamp, SevenSegments, TextDisplay } from "./led.js";
 import { withSource } from "./map.js";
 import { showError } from "./messages.js";
 import { Push, Rotary, Selector, Terminal, Toggle } from "./switch.js";
-import { counted } from "./values.js";
+import { counted, integerOf } from "./values.js";
 
 /** Numbers of the settings in `set_board`. */
 const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7, PROJECT = 8, MODULE_DIP = 9, FRONT = 256;
@@ -168,9 +168,11 @@ class Front {
     const choices = values.filter((value) => value.first === value.last && value.text !== "none");
     const set = (value) => this.set(which, value, `${name}=${this.named(values, value)}`);
     if (choices.length) return h("div", { class: "line wrap", role: "group", label: name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { acts: true, title: withSource(it.text, it.provenance), onclick: () => set(it.first) }, it.text)));
-    const input = h("input", { type: "number", min: 0, max: values[0]?.last, acts: true, label: meaning || name, "data-title": meaning, onchange: () => {
-      if (input.value && input.checkValidity()) return set(Number(input.value));
-      input.reportValidity();
+    const most = values[0]?.last ?? Infinity;
+    const input = h("input", { class: "mono", size: 6, autocomplete: "off", spellcheck: false, acts: true, label: meaning || name, "data-title": meaning, onchange: () => {
+      const value = integerOf(input.value);
+      if (value >= 0 && value <= most) return set(value);
+      showError(new Error(`'${input.value}' is not a value of ${name}: write a number such as 67, 16#43 or 2#1000011${most < Infinity ? `, at most ${most}` : ""}`));
       input.value = this.board[name];
     } });
     this.parts.push({ part: { node: svg("g"), width: 0, height: 0, show: (value) => document.activeElement !== input && (input.value = value) }, read: (board) => board[name] });

@@ -8,7 +8,7 @@ import { elementsOf, mapOf, provenanceOf, registerAt } from "./map.js";
 import { showError } from "./messages.js";
 import { isPinned, onPins, pinned, togglePin } from "./pins.js";
 import { showRegister } from "./register.js";
-import { counted, decoded, isScalar, isSigned, short, signed } from "./values.js";
+import { counted, decoded, isScalar, isSigned, partsOf, short, signed } from "./values.js";
 
 const MOST = 4_000;
 /** Number of characters of a meaning that fit into each width of its column. A cell that the browser need not clip is drawn faster. */
@@ -60,9 +60,11 @@ class Registers {
     this.drawTree();
     const first = this.maps[0]?.entries[0];
     const known = [...this.tree.querySelectorAll("[data-block]")].map((it) => it.dataset.block);
-    const usual = pinned().length ? "followed" : first && blockOf(first);
+    // The plant may be another one than at the time of the choice, without the followed registers and without the block.
+    const hasFollowed = this.followed().length > 0;
+    const usual = hasFollowed ? "followed" : first && blockOf(first);
     const typed = this.search.value;
-    this.show(known.includes(block) ? block : usual);
+    this.show(known.includes(block) && (block !== "followed" || hasFollowed) ? block : usual);
     // Keeps the text that the user has typed in the meantime.
     if (typed) {
       this.search.value = typed;
@@ -151,9 +153,8 @@ class Registers {
   followed() {
     const forms = new Map(this.maps.flatMap((map) => map.entries).map((entry) => [`${entry.plc}:${entry.form}`, entry]));
     const items = pinned().map((key) => {
-      const at = key.indexOf(":");
       const entry = forms.get(key.replace(/\[[^\]]*\]/g, "[]"));
-      return entry && { ...rowOf(entry, key.slice(at + 1)), key, isFull: true };
+      return entry && { ...rowOf(entry, partsOf(key).name), key, isFull: true };
     });
     return items.filter(Boolean);
   }

@@ -33,6 +33,12 @@ export function decoded(text = "") {
   }
 }
 
+/** Splits the key of a register, `line:node2.w_CPU_CONTROL`, into the PLC and the name. */
+export function partsOf(key) {
+  const at = key.indexOf(":");
+  return { plc: key.slice(0, at), name: key.slice(at + 1) };
+}
+
 export const bytesOf = (type) => ({ BYTE: 1, USINT: 1, SINT: 1, BOOL: 1, WORD: 2, UINT: 2, INT: 2 })[type] ?? 4;
 
 /** True if values of the type are printed with a sign. */
@@ -46,12 +52,14 @@ export const digits = (value, bytes) => `16#${(value >>> 0).toString(16).toUpper
 
 export const hex = (value, type) => digits(value, bytesOf(type));
 
-const PREFIX = { 16: "0x", 8: "0o", 2: "0b" };
+const DIGITS = { 16: /^[\da-f]+$/i, 10: /^-?\d+$/, 8: /^[0-7]+$/, 2: /^[01]+$/ };
 
-/** Parses a number such as `16#43`, `0x43`, `2#1011`, `67` or `-5`. Returns NaN for another text, or for a digit that is invalid in the base. */
+/** Parses a number such as `16#43`, `0x43`, `8#103`, `2#100_0011`, `67` or `-5`. Returns NaN for another text. */
 export function integerOf(text) {
-  const plain = text.trim().replaceAll("_", "").replace(/^(16|8|2)#/, (_, base) => PREFIX[base]);
-  return /^(-?\d+|0[xob][\da-f]+)$/i.test(plain) ? Number(plain) : NaN;
+  const [, base = "10", digits] = /^(?:(16|10|8|2)#)?(.*)$/s.exec(text.trim().replace(/^0x/i, "16#"));
+  // A separator is between two digits.
+  const plain = digits.replace(/(?<=[\da-f])_(?=[\da-f])/gi, "");
+  return DIGITS[base].test(plain) ? parseInt(plain, Number(base)) : NaN;
 }
 
 /** Parses a number such as `16#43`, `0x43`, `2#1011`, `67` or `-5`, or the meaning of a value. Throws an Error for another text. */

@@ -86,7 +86,11 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         }
     }
     named.check_hooks(script)?;
-    Ok(Found { hooks, written, imports: named.imports, constants })
+    let imports = match named.imports_any {
+        true => script.files.iter().map(|(file, _)| file.clone()).collect(),
+        false => named.imports,
+    };
+    Ok(Found { hooks, written, imports, constants })
 }
 
 /// Returns the names in the constant `WRITTEN`.
@@ -157,6 +161,8 @@ struct Named {
     functions: Functions,
     /// Names of imported files.
     imports: Vec<String>,
+    /// True if an import computes the name of its file.
+    imports_any: bool,
 }
 
 impl Named {
@@ -177,8 +183,12 @@ impl Named {
                     self.used.insert(text.to_string());
                 }
                 Some(ASTNode::Stmt(Stmt::Import(import, _))) => {
-                    if let Expr::StringConstant(name, _) = &import.0 {
-                        self.imports.push(format!("{}.rhai", name.trim_end_matches(".rhai")));
+                    match &import.0 {
+                        Expr::StringConstant(name, _) => {
+                            self.imports.push(format!("{}.rhai", name.trim_end_matches(".rhai")));
+                        }
+                        // The script computes the name, so it may import any file.
+                        _ => self.imports_any = true,
                     }
                 }
                 _ => {}

@@ -49,6 +49,7 @@ pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{DrivecomState, Enable};
 pub use monitoring::{BapsMonitoring, CardMonitoring, MonitorSettings, Reaction};
 pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
+pub(crate) use table::parameter_provenance;
 pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 

@@ -1,6 +1,7 @@
 //! The parameters of every drive, compiled from `layouts/v-regler/parameters.toml`.
 
 use super::parameters::{ParamFormat, ParameterSpec};
+use crate::layout::Provenance;
 
 /// One parameter of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +22,37 @@ pub struct ParameterRow {
     pub read_only: bool,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
-    /// Page of the manual that names the parameter, or the decision from which it is `inferred`.
-    pub source: &'static str,
+    /// Source of the parameter: its number, name and access.
+    pub source: Provenance,
+    /// Source of the unit.
+    pub unit_from: Provenance,
+    /// Source of width, limits and default.
+    pub values_from: Provenance,
     /// Duration of the recalculation after a write, in us. The parameter is not available during this time.
     pub settle_us: u32,
 }
 
 include!(concat!(env!("OUT_DIR"), "/v_regler.rs"));
+
+impl ParameterRow {
+    /// Returns the facts of the parameter with their sources.
+    #[must_use]
+    pub const fn facts(&self) -> [(&'static str, Provenance); 3] {
+        [("parameter", self.source), ("unit", self.unit_from), ("values", self.values_from)]
+    }
+
+    /// Returns the manual that names the parameter, and the inferred facts with their decisions.
+    fn provenance(&self) -> String {
+        let manual = self.source.decision().is_none().then(|| self.source.to_string());
+        let inferred = Provenance::inferred(&self.facts()).map(|facts| format!("inferred: {facts}"));
+        manual.into_iter().chain(inferred).collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// Returns the sources of the facts of parameter `name`; `None` if the plant file has added the parameter.
+pub(crate) fn parameter_provenance(name: &str) -> Option<String> {
+    PARAMETERS.iter().find(|row| row.name == name).map(ParameterRow::provenance)
+}
 
 impl From<&ParameterRow> for ParameterSpec {
     fn from(row: &ParameterRow) -> Self {
@@ -39,6 +64,33 @@ impl From<&ParameterRow> for ParameterSpec {
             max: Some(row.max),
             read_only: row.read_only,
             settle_us: row.settle_us,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_parameters_are_unique() {
+        for row in &PARAMETERS {
+            assert_eq!(parameter_provenance(row.name), Some(row.provenance()), "P{}", row.number);
+        }
+    }
+
+    #[test]
+    fn inferred_facts_are_never_shown_as_documented() {
+        for (name, provenance) in [
+            ("SYNC slot", Some("manual: 5.00005.03a p. 74; inferred: values D-863")),
+            (
+                "angle reference value (Phi)",
+                Some("manual: 5.00005.03a p. 74; inferred: unit D-162, values D-863"),
+            ),
+            ("speed reference value", Some("inferred: parameter D-27, unit D-162, values D-863")),
+            ("", None),
+        ] {
+            assert_eq!(parameter_provenance(name).as_deref(), provenance, "{name}");
         }
     }
 }
