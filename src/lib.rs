@@ -59,6 +59,8 @@
 extern crate self as commram;
 
 #[cfg(feature = "emulator")]
+mod awake_time;
+#[cfg(feature = "emulator")]
 pub mod can;
 #[cfg(feature = "channel")]
 pub mod channel;

@@ -12,6 +12,7 @@ use super::Bells;
 use super::domain::{Domain, Service, Threads};
 use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
+use crate::awake_time::AwakeTime;
 use crate::identity::DeviceIndex;
 use crate::memory::{Width, limits, room};
 use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
@@ -212,7 +213,7 @@ impl Client {
         is_working: &dyn Fn() -> bool,
     ) -> Result<(), ClientError> {
         // The clock is read only if the reply does not arrive immediately.
-        let (mut start, mut withdrawn) = (None, false);
+        let (mut time, mut withdrawn) = (None, false);
         loop {
             let seen = self.bells.reply_count();
             // The emulator first answers a request and then closes it. So this code reads whether the request
@@ -224,7 +225,7 @@ impl Client {
             if !open {
                 return Err(self.closed());
             }
-            let elapsed = start.get_or_insert_with(Instant::now).elapsed();
+            let elapsed = time.get_or_insert_with(AwakeTime::start).elapsed();
             if elapsed < self.patience.spin {
                 std::hint::spin_loop();
                 continue;
@@ -235,7 +236,7 @@ impl Client {
             }
             let Some(rest) = limit.checked_sub(elapsed).filter(|rest| !rest.is_zero()) else {
                 if is_working() {
-                    start = None;
+                    time = None;
                     continue;
                 }
                 // The emulator may have answered during the call.

@@ -19,6 +19,12 @@ use crate::memory::{
     RunningInstance, Width,
 };
 use crate::plant::Forced;
+use std::time::{Duration, Instant};
+
+/// Longest time for which an emulator that starts or ends has its lock and no images.
+const WITHOUT_IMAGES: Duration = Duration::from_millis(500);
+/// Pause between two searches for the images of such an emulator.
+const RETRY: Duration = Duration::from_millis(2);
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Read {
@@ -340,16 +346,24 @@ pub(crate) fn number_of_bus(instance: &str, buses: &[String], bus: &str) -> Resu
 /// # Errors
 /// This user has no image of the instance, or one of the images cannot be used.
 pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
-    let all = crate::memory::list()?;
-    let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
-    let (foreign, own): (Vec<_>, Vec<_>) = own.into_iter().partition(is_foreign);
-    if own.is_empty() {
+    let start = Instant::now();
+    let (foreign, own, others) = loop {
+        let all = crate::memory::list()?;
+        let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
+        let (foreign, own): (Vec<_>, Vec<_>) = own.into_iter().partition(is_foreign);
         // A process that removes the files of a killed emulator holds the locks of the instance, but is not an
         // emulator.
-        if let Some(running) = RunningInstance::find(instance)? {
+        let running = if own.is_empty() { RunningInstance::find(instance)? } else { None };
+        let Some(running) = running else { break (foreign, own, others) };
+        // An emulator that starts has its lock before its images, and one that ends still has its lock after it has
+        // removed them.
+        if start.elapsed() > WITHOUT_IMAGES {
             let pid = running.process().map(EmulatorProcess::pid);
             return Err(CliError::NoImages { instance: instance.to_owned(), pid });
         }
+        std::thread::sleep(RETRY);
+    };
+    if own.is_empty() {
         if let Some(Condition::Unusable(reason)) = foreign.into_iter().next().map(|image| image.condition) {
             return Err(reason.into());
         }
@@ -420,4 +434,27 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
     }
     let time_us = images.first().map_or(0, |image| image.header_snapshot().virtual_time_us.load());
     Ok(Snapshot { time_us, data, forces: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::InstanceLock;
+
+    #[test]
+    fn an_emulator_that_ends_is_not_one_without_images() {
+        let name = format!("images-of-{}", std::process::id());
+        let lock = InstanceLock::take(&name).unwrap();
+        let outcome = std::thread::scope(|scope| {
+            let images = scope.spawn(|| images_of(&name));
+            std::thread::sleep(Duration::from_millis(50));
+            drop(lock);
+            images.join().unwrap()
+        });
+        assert!(matches!(outcome, Err(CliError::NotRunning { .. })), "{outcome:?}");
+        let lock = InstanceLock::take(&name).unwrap();
+        let outcome = images_of(&name);
+        drop(lock);
+        assert!(matches!(outcome, Err(CliError::NoImages { .. })), "{outcome:?}");
+    }
 }

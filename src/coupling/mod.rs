@@ -18,13 +18,13 @@ pub use config::{BusEntry, CouplingConfig, ValueEntry};
 pub use error::CouplingError;
 pub use lookup::{Endpoint, Interface, Publication, Subscription};
 
+use crate::awake_time::AwakeTime;
 use crate::fmi::{Quantity, Shafts, Value};
 use crate::journal::{Source, candump};
 use crate::plant::Plant;
 use crate::request::Host;
 use core::time::Duration;
 use input::Refusals;
-use std::time::Instant;
 
 /// The values and frames that the plant publishes at an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,7 +99,8 @@ pub struct Coupling {
     /// Number of the first journal record with frames that are not yet sent.
     next_record: u64,
     limit: Duration,
-    waits_since: Option<Instant>,
+    /// Real time since the other simulators are awaited, if they are awaited now.
+    waiting: Option<AwakeTime>,
     simulators: Option<Box<dyn Simulators>>,
 }
 
@@ -124,7 +125,7 @@ impl Coupling {
             due_us: start_us,
             next_record: plant.journal().end(),
             limit,
-            waits_since: None,
+            waiting: None,
             interface,
             simulators: None,
         })
@@ -166,14 +167,13 @@ impl Coupling {
         };
         let Some(taken) = simulators.take().map_err(CouplingError::Broken)? else {
             let (at_us, limit) = (self.due_us - self.start_us, self.limit);
-            let since = *self.waits_since.get_or_insert_with(Instant::now);
-            if since.elapsed() < limit {
+            if self.waiting.get_or_insert_with(AwakeTime::start).elapsed() < limit {
                 return Ok(Progress::Waits);
             }
             let silent = CouplingError::Silent { at_us, limit };
             return Err(simulators.missing().map_or(silent, CouplingError::Broken));
         };
-        self.waits_since = None;
+        self.waiting = None;
         if taken.have_gone {
             return Ok(Progress::HaveGone);
         }

@@ -19,6 +19,7 @@ pub use error::FederationError;
 pub use exchange::Exchange;
 pub use no_exchange::NoExchange;
 
+use crate::awake_time::AwakeTime;
 use crate::identity::DeviceIndex;
 use crate::memory::header::SeatState;
 use crate::plant::{Outside, Plant, SnapshotError};
@@ -83,8 +84,10 @@ pub struct Federation {
     asked: Option<u64>,
     /// Target that the clock has reached.
     arrived: Option<u64>,
-    /// For each federate, the real time at which its last message arrived.
-    heard: Vec<Instant>,
+    /// Real time since this federate joined.
+    time: AwakeTime,
+    /// For each federate, the reading of `time` at which its last message arrived.
+    heard: Vec<Duration>,
     /// Real time at which this federate last sent a message.
     spoken: Instant,
 }
@@ -124,7 +127,8 @@ impl Federation {
             start: plant.now(),
             asked: None,
             arrived: None,
-            heard: vec![Instant::now(); part.count.into()],
+            time: AwakeTime::start(),
+            heard: vec![Duration::ZERO; part.count.into()],
             spoken: Instant::now(),
         })
     }
@@ -252,7 +256,7 @@ impl Federation {
                 return Ok(news);
             };
             if let Some(heard) = self.heard.get_mut(usize::from(from)) {
-                *heard = Instant::now();
+                *heard = self.time.elapsed();
             }
             match Message::of_bytes(&bytes).ok_or(FederationError::Nonsense { federate: from })? {
                 Message::Bye(None) => return Ok(FederationEvent::Left(from)),
@@ -296,14 +300,15 @@ impl Federation {
         self.exchange.send(&message.to_bytes()).map_err(FederationError::Exchange)
     }
 
-    fn is_in_time(&self) -> Result<(), FederationError> {
+    fn is_in_time(&mut self) -> Result<(), FederationError> {
         let FederateConfig { limit, own, .. } = self.part;
+        let now = self.time.elapsed();
         let mut others = (0..).zip(&self.heard).filter(|(federate, _)| *federate != own);
         let federate = if self.is_complete {
-            let silent = others.find(|(_, heard)| heard.elapsed() >= limit);
+            let silent = others.find(|(_, heard)| now - **heard >= limit);
             let Some((federate, _)) = silent else { return Ok(()) };
             federate.to_string()
-        } else if others.any(|(_, heard)| heard.elapsed() < limit) {
+        } else if others.any(|(_, heard)| now - *heard < limit) {
             return Ok(());
         } else {
             self.missing()

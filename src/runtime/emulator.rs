@@ -16,6 +16,7 @@ use super::needs;
 use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
 use super::slice::Slice;
 use super::watch::Watch;
+use crate::awake_time::AwakeTime;
 use crate::door::DoorSpec;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Keep;
@@ -25,7 +26,7 @@ use crate::request::Travel;
 use core::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Settings of an emulator.
 #[derive(Clone, Debug)]
@@ -95,8 +96,8 @@ pub struct Emulator {
     pub(super) speed_change: Option<SpeedChange>,
     /// True if the journal shows that the emulated time of this clock is late.
     pub(super) is_late: bool,
-    /// Real time at which the present turns of guests began, if guests have turns now.
-    pub(super) turn_since: Option<Instant>,
+    /// Real time since the present turns of guests began, if guests have turns now.
+    pub(super) turn_time: Option<AwakeTime>,
     /// Emulated time up to which a step was to advance that has paused to serve other clients.
     pub(super) under_way: Option<u64>,
     /// Declared before the images, and so dropped before them: it must write everything before another emulator can
@@ -247,7 +248,7 @@ impl Emulator {
             wall: WallClock::paused(),
             speed_change: None,
             is_late: false,
-            turn_since: None,
+            turn_time: None,
             under_way: None,
             novram,
             plant,

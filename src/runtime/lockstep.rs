@@ -8,11 +8,12 @@
 //! interrupted task ends later by the duration of the interruption. Of tasks of the same level, one runs after the
 //! other (manual 5.00005.03a p. 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
 
+use crate::awake_time::AwakeTime;
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, SEAT_WAITS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::{Advance, Plant};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Interval at which the emulator checks that a task in its turn still runs.
 const LIVENESS: Duration = Duration::from_millis(20);
@@ -49,8 +50,8 @@ struct Turn {
     index: usize,
     /// Number of turns that the task had ended before this turn.
     done: u32,
-    /// Start of the turn in real time.
-    since: Instant,
+    /// Real time since the start of the turn.
+    time: AwakeTime,
 }
 
 /// Result of a check of a turn.
@@ -271,8 +272,8 @@ impl Lockstep {
     /// Gives turns to all tasks that are ready now. Returns false if stopped or if a turn is still in progress.
     fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool, witness: &mut dyn Witness) -> bool {
         loop {
-            if let Some(turn) = self.turn.take() {
-                match self.await_end(&turn, plant, witness) {
+            if let Some(mut turn) = self.turn.take() {
+                match self.await_end(&mut turn, plant, witness) {
                     TurnCheck::Ended => self.claim(turn.index, plant),
                     TurnCheck::Lost => self.give_up(turn.index, plant, witness),
                     TurnCheck::Continues => {
@@ -332,7 +333,7 @@ impl Lockstep {
             task.seen = rings;
             task.orders = task.orders.map(|_| orders);
         }
-        self.turn = Some(Turn { index, done: task.seat.done.rings(), since: Instant::now() });
+        self.turn = Some(Turn { index, done: task.seat.done.rings(), time: AwakeTime::start() });
         task.seat.time_us.store(now);
         task.seat.turn.ring();
     }
@@ -359,7 +360,7 @@ impl Lockstep {
 
     /// Waits for the end of a turn, or until another client rings. During the wait the boards answer requests of the
     /// task.
-    fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> TurnCheck {
+    fn await_end(&self, turn: &mut Turn, plant: &mut Plant, witness: &mut dyn Witness) -> TurnCheck {
         let task = &self.tasks[turn.index];
         let (header, seat) = (&self.headers[task.plc.index()], &task.seat);
         let patience = match seat.patience_ms.load() {
@@ -373,12 +374,12 @@ impl Lockstep {
         if seat.done.rings() != turn.done {
             return TurnCheck::Ended;
         }
-        let slice = LIVENESS.min(patience.saturating_sub(turn.since.elapsed()));
+        let slice = LIVENESS.min(patience.saturating_sub(turn.time.elapsed()));
         let rung = bell::wait_any(&[(&seat.done, turn.done), (&header.doorbell, rings)], Some(slice));
         match rung {
             Some(0) => TurnCheck::Ended,
             _ if !task.has_seat() => TurnCheck::Lost,
-            None if task.gone() || turn.since.elapsed() >= patience => TurnCheck::Lost,
+            None if task.gone() || turn.time.elapsed() >= patience => TurnCheck::Lost,
             _ => TurnCheck::Continues,
         }
     }

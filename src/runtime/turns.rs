@@ -7,8 +7,9 @@
 //! from event to event, so that the receivers of a frame get their turn at the moment of its arrival.
 
 use super::Emulator;
+use crate::awake_time::AwakeTime;
 use crate::request::Host;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Interval at which the emulator checks whether it must stop during a guest's turn.
 const LOOK: Duration = Duration::from_millis(20);
@@ -79,7 +80,7 @@ impl Emulator {
     /// Waits until no guest has a turn. During the wait the boards answer requests, because a guest may also have
     /// mapped an image. Returns false if the emulator must stop, or if other clients must be served first.
     fn await_guests(&mut self) -> bool {
-        let since = *self.turn_since.get_or_insert_with(Instant::now);
+        self.turn_time.get_or_insert_with(AwakeTime::start);
         while self.guests.have_turns() {
             if self.note_rings() && self.plant.look_at_boards() {
                 self.announce();
@@ -87,7 +88,7 @@ impl Emulator {
             if self.stop.is_made() {
                 return false;
             }
-            if since.elapsed() >= PATIENCE {
+            if self.turn_time.as_mut().is_some_and(|time| time.elapsed() >= PATIENCE) {
                 self.guests.give_up(&mut self.plant);
                 break;
             }
@@ -99,7 +100,7 @@ impl Emulator {
                 self.sleep(LOOK);
             }
         }
-        self.turn_since = None;
+        self.turn_time = None;
         true
     }
 }

@@ -151,6 +151,26 @@ fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
     assert!(!step.wait().unwrap().success());
 }
 
+/// The emulator counts only the time in which it runs: after a suspension it must first read what guests have sent.
+#[test]
+fn a_guest_keeps_its_seat_while_the_emulator_is_suspended() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let mut guest = Guest::open(port(&emulator));
+    guest.send("K64\r");
+    seated(&emulator, 1);
+    std::thread::scope(|scope| {
+        let step = scope.spawn(|| emulator.step(&["1ms"]));
+        assert_eq!(guest.hear(), "K64\r");
+        emulator.signal("-STOP");
+        std::thread::sleep(Duration::from_millis(5_500));
+        emulator.signal("-CONT");
+        guest.send("KFFFFFFFF\r");
+        assert_eq!(step.join().unwrap(), "0.001000 s");
+    });
+    let log = emulator.run("trace", &["--bus", "open"]);
+    assert!(!log.ok().contains("lost its seat"), "{}", log.out);
+}
+
 /// The guest requests one turn after the other at the same emulated time, so the step never ends by itself.
 #[test]
 fn other_clients_are_served_during_turns_of_guests() {
