@@ -140,7 +140,7 @@ fn meanings(out: &mut String, macros: &mut UsedNames, scope: &Scope) {
         for constant in constants {
             let value = match constant.number(register.ty) {
                 negative @ ..0 => format!("({negative})"),
-                shift if constant.kind == constants::Kind::Shift => shift.to_string(),
+                shift if constant.kind == constants::NumberKind::Shift => shift.to_string(),
                 _ => hex(register.ty, constant.value),
             };
             let name = macros.add(free_name(&format!("COMMRAM_{}", constant.name)));

@@ -13,12 +13,12 @@ pub(crate) struct Constant {
     pub value: u32,
     /// Meaning of the value or the bits.
     pub text: String,
-    pub kind: Kind,
+    pub kind: NumberKind,
 }
 
 /// What the number of a constant is.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum NumberKind {
     /// The value of a whole register.
     Value,
     /// The mask of bits, or the value of a field at its position.
@@ -29,13 +29,13 @@ pub(crate) enum Kind {
 
 impl Constant {
     fn new(name: String, value: u32, text: impl Into<String>) -> Self {
-        Self { name, value, text: text.into(), kind: Kind::Bits }
+        Self { name, value, text: text.into(), kind: NumberKind::Bits }
     }
 
     /// Returns the number that programs compare with a register of type `ty`. It is negative for a value with the sign bit of a
     /// signed register.
     pub(crate) fn number(&self, ty: RegType) -> i64 {
-        if self.kind == Kind::Value { ty.number(self.value) } else { self.value.into() }
+        if self.kind == NumberKind::Value { ty.number(self.value) } else { self.value.into() }
     }
 }
 
@@ -59,7 +59,7 @@ impl Enumeration {
     pub(crate) fn of(meaning: &Meaning, ty: RegType) -> Self {
         let prefix = upper(meaning.name);
         let (shifts, members): (Vec<_>, Vec<_>) =
-            of(meaning).into_iter().partition(|it| it.kind == Kind::Shift);
+            of(meaning).into_iter().partition(|it| it.kind == NumberKind::Shift);
         let is_flags = !meaning.bits.is_empty();
         let mut used = UsedNames::default();
         let mut member = |it: Constant| {
@@ -100,7 +100,7 @@ pub(crate) fn fields(meaning: &Meaning) -> Vec<(&'static BitField, String)> {
 /// constants.
 pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     let mut constants = values(&upper(meaning.name), meaning.values, 0);
-    constants.iter_mut().for_each(|constant| constant.kind = Kind::Value);
+    constants.iter_mut().for_each(|constant| constant.kind = NumberKind::Value);
     for field in meaning.bits.iter().filter(|field| !field.reserved) {
         bits(&mut constants, meaning, field);
     }
@@ -143,7 +143,7 @@ fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
     }
     constants.push(Constant::new(format!("{name}_MASK"), field.mask(), about(field)));
     let shift = Constant::new(format!("{name}_SHIFT"), field.first.into(), "lowest bit of it");
-    constants.push(Constant { kind: Kind::Shift, ..shift });
+    constants.push(Constant { kind: NumberKind::Shift, ..shift });
     constants.extend(values(&name, field.values, field.first));
 }
 

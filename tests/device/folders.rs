@@ -916,6 +916,11 @@ fn a_wrong_script_is_refused_with_its_line() {
         ("fn poll() { let f = Fn(\"poll\"); f.curry(f); }", "firmware.rhai:1: "),
         ("fn written(register) { }", "the hook written is a function written(register, old, value)"),
         ("fn poll() {\n  read(\"card.w_DATUM\"); }", "firmware.rhai:2: "),
+        // The first one of several mistakes.
+        (
+            "fn poll() { a(); b(); c(); }\nfn c() { read(\"x\"); }\nfn b() { read(\"y\"); }\nfn a() { read(\"z\"); }",
+            "firmware.rhai:2: ",
+        ),
         ("fn poll() {\n  output(\"front.script\", 1); }", "only the emulator writes `front.script`"),
         ("fn poll() { after(\"1ms\", \"nothing\"); }", "there is no function `nothing` to call later"),
         ("const WRITTEN = [\"card.w_DATUM\"];\nfn written(register, old, value) {}", "WRITTEN: "),

@@ -230,8 +230,9 @@ struct Calls<'a> {
 }
 
 impl Calls<'_> {
+    /// Returns the first mistake of the file. The engine visits the functions in any order.
     fn check(&self, ast: &AST) -> Result<(), Wrong> {
-        let mut wrong = Ok(());
+        let mut first: Option<Wrong> = None;
         ast.walk(&mut |path: &[ASTNode<'_>]| {
             let found = match path.last() {
                 Some(ASTNode::Expr(Expr::FnCall(call, at)) | ASTNode::Stmt(Stmt::FnCall(call, at))) => {
@@ -241,10 +242,14 @@ impl Calls<'_> {
                 Some(ASTNode::Expr(Expr::Variable(variable, _, at))) => spelling(&variable.1, *at),
                 _ => Ok(()),
             };
-            wrong = found;
-            wrong.is_ok()
+            if let Err(wrong) = found
+                && first.as_ref().is_none_or(|first| wrong.0 < first.0)
+            {
+                first = Some(wrong);
+            }
+            true
         });
-        wrong
+        first.map_or(Ok(()), Err)
     }
 
     /// Checks the texts in a call that are names of registers or functions.
