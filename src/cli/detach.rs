@@ -34,6 +34,8 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
     command.args(["run", "--detached"]).args(parse::arguments_of_command());
+    // A line of the shell may name no instance. An argument has priority over the variable.
+    command.env(super::instance::VARIABLE, instance);
     let input = if reads_input { Stdio::inherit() } else { Stdio::null() };
     // The threads start before the child, so that no child remains if they cannot be started.
     let (out, stdout) = collect()?;

@@ -12,7 +12,7 @@ const LOOK: Duration = Duration::from_millis(5);
 const STARTING: &str = "2s";
 
 /// Environment variable with the default instance.
-const VARIABLE: &str = "COMMRAM_INSTANCE";
+pub(crate) const VARIABLE: &str = "COMMRAM_INSTANCE";
 /// Name of the default instance if the variable is not set.
 const USUAL: &str = "default";
 

@@ -7,6 +7,7 @@ use clap::builder::Resettable;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Args, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
+use std::sync::{Mutex, PoisonError};
 
 /// The commands in the order of the help, grouped by purpose.
 const GROUPS: &[(&str, &[&str])] = &[
@@ -159,11 +160,27 @@ fn without_instance(kept: Vec<OsString>, moved: Vec<OsString>) -> impl Iterator<
     kept.into_iter().chain(moved)
 }
 
-/// Returns the arguments of this process after its command, including the options that were before the command.
+/// The words of the command in the present line of the shell, from its name on.
+static LINE_OF_SHELL: Mutex<Option<Vec<OsString>>> = Mutex::new(None);
+
+/// Notes the words of the command that a line of the shell contains.
+pub(super) fn set_line_of_shell(words: &[OsString]) {
+    *LINE_OF_SHELL.lock().unwrap_or_else(PoisonError::into_inner) = Some(words.to_vec());
+}
+
+/// Returns the arguments of the present command, of this process or of a line of the shell, including the options that were before
+/// the command.
 pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
-    let words: Vec<_> = std::env::args_os().collect();
-    let commands = name_of_command(&words).and_then(command_line_of).unwrap_or_else(command);
-    with_options_after_command(words, 1, &commands).into_iter().skip(2)
+    let line = LINE_OF_SHELL.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let (words, begin) = line.map_or_else(
+        || {
+            let words: Vec<_> = std::env::args_os().collect();
+            let commands = name_of_command(&words).and_then(command_line_of).unwrap_or_else(command);
+            (with_options_after_command(words, 1, &commands), 2)
+        },
+        |line| (line, 1),
+    );
+    words.into_iter().skip(begin)
 }
 
 /// Returns `error` without the options that environment variables set: the usage text would show such options as

@@ -192,6 +192,7 @@ impl Shell {
         let commands = command(self.instance.name());
         let words = words.into_iter().map(OsString::from).collect();
         let words = parse::with_options_after_command(words, 0, &commands);
+        parse::set_line_of_shell(&words);
         let parsed = commands.clone().try_get_matches_from(words);
         let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
         let outcome = match parsed {

@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = args.instance.clone().unwrap_or_else(unique_name);
     let [program, arguments @ ..] = args.command.as_slice() else { return Ok(()) };
     let mut command = Command::new(program);
-    command.args(arguments).env("COMMRAM_INSTANCE", &name);
+    command.args(arguments).env(super::instance::VARIABLE, &name);
     let signals = TerminationSignals::take()?;
     let (mut emulator, started) = args.settings.start(
         args.plant.as_deref().map_or(InitialState::BuiltIn, InitialState::Plant),

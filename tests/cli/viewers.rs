@@ -131,6 +131,25 @@ fn shell(emulator: &Emulator, lines: &str) -> Outcome {
 }
 
 #[test]
+fn a_shell_starts_emulators_in_the_background_with_the_options_of_the_line() {
+    let emulator = Emulator::stepped();
+    let other = format!("{}-other", emulator.name);
+    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/cs0015.toml");
+    let lines = format!(
+        "run {plant} -i {other} --clock stepped --detach\nstatus -i {other}\nstop -i {other}\nstop\n\
+         run {plant} --clock stepped --detach\nstatus\n"
+    );
+    let outcome = shell(&emulator, &lines);
+    let own = format!("instance '{}' (process ", emulator.name);
+    for begin in [format!("instance '{other}' (process "), own] {
+        let line = outcome.ok().lines().find(|line| line.starts_with(&begin)).unwrap();
+        assert!(line.ends_with("clock stepped"), "{}", outcome.out);
+    }
+    assert_eq!(outcome.out.matches("panel  cs0015").count(), 2, "{}", outcome.out);
+    emulator.run("stop", &[]).ok();
+}
+
+#[test]
 fn a_shell_runs_lines_from_a_pipe_until_one_fails() {
     let emulator = Emulator::stepped();
     let lines = "# bring-up\npoke node2.w_CPU_CONTROL=handshake\nlet at = wait(\"node2.w_OPTION_STATUS\", 2, \"10ms\");\n\
