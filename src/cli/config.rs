@@ -18,7 +18,7 @@ use std::sync::OnceLock;
 const NAME: &str = "commram.toml";
 /// Environment variable with the path of a file that is read instead of both files. If the variable is empty, no file
 /// is read.
-const VARIABLE: &str = "COMMRAM_CONFIG";
+pub(crate) const VARIABLE: &str = "COMMRAM_CONFIG";
 /// Longest file in bytes.
 const LONGEST: u64 = 64 << 10;
 /// Maximum number of links to a file, as in Linux.

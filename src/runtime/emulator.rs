@@ -13,7 +13,7 @@ use super::error::RuntimeError;
 use super::guests::Guests;
 use super::lockstep::Lockstep;
 use super::needs;
-use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
+use super::novram::{Directory, Keeper, Novram, NovramError, RestoreOutcome};
 use super::slice::Slice;
 use super::watch::Watch;
 use crate::awake_time::AwakeTime;
@@ -193,6 +193,14 @@ impl Emulator {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
                 };
+                let one = of.name();
+                let mut names = config.devices.iter().map(|device| device.name());
+                if let Some(other) = names.find(|it| *it != one && it.eq_ignore_ascii_case(one))
+                    && directory.ignores_case()
+                {
+                    let (one, other) = (one.to_owned(), other.to_owned());
+                    return Err(NovramError::Namesakes { path: path.clone(), one, other }.into());
+                }
                 let content = Novram::power_on(directory, of, &segment)?;
                 if let Some((_, RestoreOutcome::SetAside { path, removed })) = &content {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());

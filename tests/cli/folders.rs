@@ -312,6 +312,11 @@ fn a_folder_is_found_by_its_name_in_the_search_path() {
     place.edit("IO_DATA.toml", "The 16 outputs", "Outputs of the configuration");
     let map = run_at("commram.toml", &["map", "--device", "digital-io", "data.w_OUT"]);
     assert!(map.0 == Some(0) && map.1.contains("Outputs of the configuration"), "{}", map.1);
+    // A scenario runs in a separate process.
+    fs::remove_dir_all(of_user).unwrap();
+    place.write("one.rhai", "plant(\"plant.toml\"); expect(\"data.w_OUT\", 0);");
+    let test = run_at("commram.toml", &["test", "one.rhai"]);
+    assert_eq!(test.0, Some(0), "{}", test.1);
     let verbose = run_at("commram.toml", &["-v", "list"]);
     assert!(verbose.1.contains("devices = ") && verbose.1.contains("/cards"), "{}", verbose.1);
 }

@@ -3,6 +3,7 @@
 use super::LimitArgs;
 use super::events::Moment;
 use super::scenario::{BEGIN_OF_COMPLAINTS, END_OF_NAME, Message};
+use crate::cli::config;
 use crate::cli::demo::command;
 use crate::cli::error::CliError;
 use crate::input_file::{self, is_standard};
@@ -147,6 +148,11 @@ impl Worker {
         let failed = |reason| CliError::Process { reason };
         let LimitArgs { max_operations, max_time, max_real_time, max_memory } = setting.limits;
         let mut command = command("test-scenario")?;
+        // The configuration has the directories in which scenarios find devices.
+        match std::env::var_os(config::VARIABLE) {
+            Some(file) => command.env(config::VARIABLE, file),
+            None => command.env_remove(config::VARIABLE),
+        };
         command.args(["--max-operations", &max_operations.to_string()]);
         command.args(["--max-time", &format!("{max_time}us")]);
         command.args(["--max-real-time", &format!("{max_real_time}us")]);

@@ -164,6 +164,11 @@ impl Directory {
         self.try_replace(name, bytes).map_err(self.failed(name, "write it"))
     }
 
+    /// True if the file system does not distinguish upper and lower case in names.
+    pub(crate) fn ignores_case(&self) -> bool {
+        is_file_of(&self.lock, &self.open, &LOCK.to_uppercase())
+    }
+
     /// True if the file with this emulator's lock is still the lock file of the directory.
     fn has_lock(&self) -> bool {
         is_lock_of(&self.lock, &self.open)
@@ -282,7 +287,12 @@ fn remove_empty(directories: &[PathBuf]) {
 
 /// True if `lock` is the lock file of a directory.
 fn is_lock_of(lock: &File, directory: &directory::Directory) -> bool {
-    match (rustix::fs::fstat(lock), directory.stat_of(LOCK)) {
+    is_file_of(lock, directory, LOCK)
+}
+
+/// True if `file` has this name in a directory.
+fn is_file_of(file: &File, directory: &directory::Directory, name: &str) -> bool {
+    match (rustix::fs::fstat(file), directory.stat_of(name)) {
         (Ok(own), Ok(named)) => (own.st_dev, own.st_ino) == (named.st_dev, named.st_ino),
         _ => false,
     }

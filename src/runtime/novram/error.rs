@@ -27,6 +27,20 @@ pub enum NovramError {
         /// Path of the directory that another emulator uses.
         path: PathBuf,
     },
+    /// Two PLCs would have one file, because the file system does not distinguish upper and lower case.
+    #[error(
+        "NOVRAM {}: the file system does not distinguish upper and lower case, so the PLCs '{one}' and '{other}' would have \
+         one file; rename one of them, or use another file system",
+        path.display()
+    )]
+    Namesakes {
+        /// Path of the directory.
+        path: PathBuf,
+        /// Name of a PLC.
+        one: String,
+        /// Name of the other PLC.
+        other: String,
+    },
     /// The directory belongs to another user, and that user could exchange the files.
     #[error(
         "NOVRAM {}: this directory belongs to user {owner}, not to user {user}; use one of your own, mode 0700",
