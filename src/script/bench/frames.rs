@@ -293,7 +293,9 @@ impl Bench {
             let is_later = self.returned_us.is_some_and(|returned_us| since >= returned_us);
             let first = if is_later { records.partition_point(|record| record.seq < begin) } else { 0 };
             let kept = records.get(first..).unwrap_or_default();
-            if crate::journal::may_be_lost(kept, Ring::Traffic, begin, since, self.started_us) {
+            // The journal of a return to a snapshot can begin with this snapshot.
+            let known_us = self.returned_us.unwrap_or(self.started_us);
+            if crate::journal::may_be_lost(kept, Ring::Traffic, begin, since, known_us) {
                 let right = "the journal no longer has all frames since this time: it keeps the last 65,536 of all buses, \
                              fewer with telegrams, and none from before a snapshot from which it continues; call `frames` more \
                              often, or with the time 0 for the frames that are left";

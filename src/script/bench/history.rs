@@ -68,6 +68,11 @@ impl Bench {
         let covers = |it: &&Recorded| it.plc == plc && it.bytes.contains(&offset);
         let from = self.recorded.iter().filter(covers).map(|it| it.from).min().unwrap_or(0);
         let kept = || records.iter().filter(|record| record.event.kind().ring() == Ring::History);
+        let begin = self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin;
+        if begin > from && records.first().is_none_or(|first| first.seq >= begin) {
+            let right = "the journal no longer has all changes since `record`, because it begins with a later snapshot";
+            return Err(ScenarioError::Argument { text: text.to_owned(), right: right.to_owned() });
+        }
         if kept().count() >= Journal::MOST_CHANGES && kept().next().is_some_and(|oldest| oldest.seq > from) {
             let right = format!(
                 "the journal no longer has all changes since `record`, because it keeps {} changes of all recorded registers; \

@@ -322,6 +322,39 @@ fn frames_since_a_time_that_the_journal_no_longer_has_are_an_error() -> Result<(
     Ok(())
 }
 
+/// A return to an earlier snapshot removes the records up to a later one.
+#[test]
+fn histories_and_frames_before_a_later_snapshot_are_refused_after_a_return_to_it() -> Result<(), ScenarioError>
+{
+    let mut bench = set_up()?;
+    let start = bench.now()?;
+    bench.record("node2.b_AC")?;
+    bench.poke("node2.b_AC", 1)?;
+    bench.step("5ms")?;
+    let earlier = bench.save()?;
+    bench.poke("node2.b_AC", 2)?;
+    bench.step("5ms")?;
+    let later = bench.save()?;
+    bench.back_to(later)?;
+    assert_eq!(bench.history("node2.b_AC")?.len(), 2);
+    assert!(!bench.frames("drives", start)?.is_empty());
+    bench.back_to(earlier)?;
+    assert_eq!(bench.history("node2.b_AC")?.len(), 1);
+    bench.back_to(later)?;
+    for error in
+        [bench.history("node2.b_AC").unwrap_err(), bench.expect_history("node2.b_AC", [0; 0]).unwrap_err()]
+    {
+        assert!(error.to_string().contains("it begins with a later snapshot"), "{error}");
+    }
+    assert!(message(bench.frames("drives", start)).contains("no longer has all frames"));
+    let returned = bench.now()?;
+    bench.record("node2.b_AC")?;
+    bench.poke("node2.b_AC", 3)?;
+    bench.step("5ms")?;
+    assert!(!bench.frames("drives", returned)?.is_empty());
+    Ok(())
+}
+
 #[test]
 fn a_snapshot_can_be_restored_repeatedly() {
     let mut bench = Bench::built_in().unwrap();
