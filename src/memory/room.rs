@@ -12,9 +12,9 @@ use rustix::io::Errno;
 use std::io;
 use std::path::Path;
 
-/// Free bytes in the memory file system; `None` if unknown.
+/// Free bytes in the memory file system; `None` if unknown. A file system without a limit reports 0 of 0 blocks.
 pub(crate) fn free() -> Option<u64> {
-    let stat = rustix::fs::statvfs(IMAGE_DIRECTORY).ok()?;
+    let stat = rustix::fs::statvfs(IMAGE_DIRECTORY).ok().filter(|stat| stat.f_blocks > 0)?;
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 

@@ -160,6 +160,15 @@ fn without_memory_for_the_channel_the_emulator_runs_without_it() {
     assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
 }
 
+/// Such a file system reports 0 free bytes of 0.
+#[test]
+fn memory_without_a_limit_is_not_full() {
+    let script = while_running("$COMMRAM step 1ms");
+    let Some(outcome) = with_small_shm("0", &script) else { return };
+    assert_eq!(outcome.out.lines().next(), Some("0.001000 s"), "{outcome:?}");
+    assert!(!outcome.err.contains("no channel"), "{}", outcome.err);
+}
+
 #[test]
 fn a_client_of_an_emulator_without_a_channel_learns_what_works() {
     let script = while_running(
