@@ -322,6 +322,40 @@ fn frames_since_a_time_that_the_journal_no_longer_has_are_an_error() -> Result<(
     Ok(())
 }
 
+/// A ring that was full before a return is not full after it.
+#[test]
+fn a_history_is_refused_if_the_plant_has_gone_back_over_more_changes_than_the_journal_keeps()
+-> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.record("node2")?;
+    for value in 1..=3 {
+        bench.poke("node2.b_AC", value)?;
+    }
+    let saved = bench.save()?;
+    for value in 1..Journal::MOST_CHANGES as i64 - 3 {
+        bench.poke("node2.a_WR_VALUE[0]", value)?;
+    }
+    bench.back_to(saved)?;
+    bench.expect_history("node2.b_AC", [1, 2, 3])?;
+    for value in 1..Journal::MOST_CHANGES as i64 - 1 {
+        bench.poke("node2.a_WR_VALUE[0]", value)?;
+    }
+    bench.back_to(saved)?;
+    assert!(bench.history("node2.b_AC").unwrap_err().to_string().contains("gone back over more records"));
+    for value in 1..=Journal::MOST_CHANGES as i64 {
+        bench.poke("node2.a_WR_VALUE[0]", value)?;
+    }
+    bench.back_to(saved)?;
+    assert!(
+        bench
+            .expect_history("node2.b_AC", [0; 0])
+            .unwrap_err()
+            .to_string()
+            .contains("gone back over more records")
+    );
+    Ok(())
+}
+
 /// A return to an earlier snapshot removes the records up to a later one.
 #[test]
 fn histories_and_frames_before_a_later_snapshot_are_refused_after_a_return_to_it() -> Result<(), ScenarioError>
@@ -344,7 +378,7 @@ fn histories_and_frames_before_a_later_snapshot_are_refused_after_a_return_to_it
     for error in
         [bench.history("node2.b_AC").unwrap_err(), bench.expect_history("node2.b_AC", [0; 0]).unwrap_err()]
     {
-        assert!(error.to_string().contains("it begins with a later snapshot"), "{error}");
+        assert!(error.to_string().contains("begins with a later snapshot"), "{error}");
     }
     assert!(message(bench.frames("drives", start)).contains("no longer has all frames"));
     let returned = bench.now()?;
