@@ -545,6 +545,24 @@ fn a_snapshot_continues_with_the_same_files_only() {
     assert!(message.contains("digital-io; restore it"), "{message}");
 }
 
+/// A snapshot has the files that the device uses.
+#[test]
+fn a_script_that_no_other_script_imports_may_change_after_a_snapshot() {
+    let place = Place::new();
+    let write = |name: &str, text: &str| fs::write(place.card().join(name), text).unwrap();
+    write("firmware.rhai", "import \"helper\" as helper;\nfn poll() { helper::count(); }");
+    write("helper.rhai", "fn count() { 1 }");
+    write("spare.rhai", "fn spare() { 1 }");
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    let snapshot = place.path("a.snap");
+    emulator.run("snapshot", &[&snapshot]).ok();
+    write("spare.rhai", "fn spare() { 2 }");
+    emulator.run("restore", &[&snapshot]).ok();
+    write("helper.rhai", "fn count() { 2 }");
+    let refused = emulator.run("restore", &[&snapshot]);
+    assert!(refused.fails(2).contains("has changed since the snapshot"), "{}", refused.err);
+}
+
 /// Steps of any size give the same journal, even if tables of two devices answer each other.
 #[test]
 fn the_journal_of_a_folder_does_not_depend_on_the_steps() {

@@ -2,8 +2,7 @@
 
 use commram::devices::folder;
 use commram::fmi::{Resources, Unit, Value, VariableType};
-use commram::memory::Segment;
-use commram::plant::{Plant, PlantConfig};
+use commram::plant::PlantConfig;
 use commram::script::{Bench, Limits, Outcome, run_file};
 use std::fs;
 use std::path::Path;
@@ -308,33 +307,6 @@ fn violations_and_stops_are_findings_with_their_text() {
     bench.back_to(saved).unwrap();
     assert_eq!((texts(&mut bench).len(), bench.journal_hash()), (2, before));
     assert_eq!(texts(&mut bench)[1], own("second rule", 2));
-}
-
-/// A snapshot has the files that the device uses.
-#[test]
-fn a_script_that_no_other_script_imports_may_change_after_a_snapshot() {
-    let card = Card::new("import \"helper\" as helper;\nfn poll() { helper::count(); }");
-    let text = format!("[[device]]\nname = 'card'\nkind = '{}'\n", card.dir().display());
-    let plant = || {
-        let config = PlantConfig::parse("plant", &text).unwrap();
-        Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device))).unwrap()
-    };
-    card.write("helper.rhai", "fn count() { 1 }");
-    card.write("spare.rhai", "fn spare() { 1 }");
-    let snapshot = plant().snapshot();
-    card.write("spare.rhai", "fn spare() { 2 }");
-    plant().restore(&snapshot).unwrap();
-    card.write("helper.rhai", "fn count() { 2 }");
-    plant().restore(&snapshot).unwrap_err();
-    // The script may import every file if it computes a name.
-    card.write(
-        "firmware.rhai",
-        "let name = \"helper\";\nimport name as helper;\nfn poll() { helper::count(); }",
-    );
-    let snapshot = plant().snapshot();
-    assert_eq!(folder::load(card.dir()).unwrap().unread_files(card.dir()).unwrap(), Vec::<String>::new());
-    card.write("spare.rhai", "fn spare() { 3 }");
-    plant().restore(&snapshot).unwrap_err();
 }
 
 /// A device declares its own records, and its script writes them.
@@ -915,10 +887,9 @@ fn a_wrong_script_is_refused_with_its_line() {
         ("fn poll() { sleep(1); }", "firmware.rhai:1: "),
         ("fn poll() { let f = Fn(\"poll\"); f.curry(f); }", "firmware.rhai:1: "),
         ("fn written(register) { }", "the hook written is a function written(register, old, value)"),
-        ("fn poll() {\n  read(\"card.w_DATUM\"); }", "firmware.rhai:2: "),
         // The first one of several mistakes.
         (
-            "fn poll() { a(); b(); c(); }\nfn c() { read(\"x\"); }\nfn b() { read(\"y\"); }\nfn a() { read(\"z\"); }",
+            "fn poll() { a(); b(); c(); }\nfn c() { read(\"card.w_DATUM\"); }\nfn b() { read(\"y\"); }\nfn a() { read(\"z\"); }",
             "firmware.rhai:2: ",
         ),
         ("fn poll() {\n  output(\"front.script\", 1); }", "only the emulator writes `front.script`"),
