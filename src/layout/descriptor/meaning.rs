@@ -116,6 +116,7 @@ impl BitField {
 
     /// Returns the texts of the values: `0: off`, `1: on`; `n` is any value. A value with another source than the field names
     /// its source.
+    #[cfg(feature = "export")]
     pub(crate) fn texts(&self) -> Vec<String> {
         let singles = [("0: ", self.zero), ("1: ", self.one), ("", self.text)];
         let singles = singles.into_iter().filter(|(_, text)| !text.is_empty());
@@ -135,7 +136,7 @@ impl BitField {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "export"))]
 mod tests {
     use super::*;
 
