@@ -278,7 +278,7 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
     }
 }
 
-/// Compiles a library whose functions replace those of libc.
+/// Compiles a library with functions that replace those of libc.
 fn library(directory: &Path, source: &str) -> PathBuf {
     let [text, library] = ["replaced.c", "replaced.so"].map(|name| directory.join(name));
     std::fs::write(&text, source).unwrap();

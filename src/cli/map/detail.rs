@@ -2,6 +2,7 @@
 
 use super::entry::Entry;
 use crate::cli::table;
+use crate::devices::folder::in_slot;
 use crate::layout::DeviceLayout;
 
 /// Returns the address, with the CPU address if it is known.
@@ -46,14 +47,17 @@ fn facts(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
         line("structure", entry.structure.to_owned()),
     ];
     if !entry.page.is_empty() {
-        lines.push(line("manual", pages(device, entry.page)));
+        lines.push(line("manual", pages(device, entry, entry.page)));
     }
     lines
 }
 
 /// Returns pages with their manual. The pages of an option card name the card's manual themselves.
-fn pages(device: &DeviceLayout, pages: &str) -> String {
-    if pages.contains(" of ") { format!("p. {pages}") } else { format!("{} p. {pages}", device.manual) }
+fn pages(device: &DeviceLayout, entry: &Entry, pages: &str) -> String {
+    match in_slot::card_of(device, entry.area) {
+        Some(_) => format!("p. {pages}"),
+        None => format!("{} p. {pages}", device.manual),
+    }
 }
 
 /// The source of each fact.
@@ -72,7 +76,7 @@ fn remarks(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
     }
     let has_meaning = !entry.values.is_empty() || !entry.bits.is_empty();
     if has_meaning && !entry.meaning_page.is_empty() {
-        lines.push(line("values, bits", pages(device, entry.meaning_page)));
+        lines.push(line("values, bits", pages(device, entry, entry.meaning_page)));
     }
     lines
 }

@@ -40,7 +40,7 @@ impl Directory {
         match fs::linkat(&self.0, from, &self.0, to, AtFlags::empty()) {
             Ok(()) => self.remove(from),
             Err(Errno::EXIST) => Err(Errno::EXIST),
-            // A file system without hard links: `rename` replaces an empty file that nobody else has created.
+            // A file system without hard links: `rename` replaces an empty file that no other process has created.
             Err(_) => {
                 let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | CAREFULLY;
                 fs::openat(&self.0, to, flags, Mode::RUSR | Mode::WUSR)?;

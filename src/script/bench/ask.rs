@@ -154,6 +154,11 @@ impl Bench {
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 
+    /// Returns the number of the first record after the last return, or of the first record of the journal.
+    pub(super) fn journal_begin(&mut self) -> Result<u64, ScenarioError> {
+        Ok(self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin)
+    }
+
     /// Returns the journal from record number `from` on, and the number of the next record. Records with a running
     /// count come last.
     pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {

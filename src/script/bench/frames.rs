@@ -288,7 +288,7 @@ impl Bench {
         let bus = self.bus(bus)?;
         let (records, _) = self.records(0)?;
         if since > 0 {
-            let begin = self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin;
+            let begin = self.journal_begin()?;
             // Records before a return to an earlier moment are not newer than this moment.
             let is_later = self.returned_us.is_some_and(|returned_us| since >= returned_us);
             let first = if is_later { records.partition_point(|record| record.seq < begin) } else { 0 };

@@ -36,7 +36,7 @@ impl Bench {
                 (plc, offset, width.bytes())
             }
         };
-        let from = self.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
+        let from = self.journal_end()?;
         self.recorded.push(Recorded { plc, bytes: offset..offset.saturating_add(len), from });
         for (offset, len) in ranges(offset, len) {
             self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?;
@@ -68,7 +68,7 @@ impl Bench {
         let covers = |it: &&Recorded| it.plc == plc && it.bytes.contains(&offset);
         let from = self.recorded.iter().filter(covers).map(|it| it.from).min().unwrap_or(0);
         let kept = || records.iter().filter(|record| record.event.kind().ring() == Ring::History);
-        let begin = self.ask(Op::Journal { from: 0, max: 1 })?.journal_part()?.turn.begin;
+        let begin = self.journal_begin()?;
         if is_cut_off(&records, from, begin) {
             let right = "the journal may no longer have all changes since `record`, because it begins with a later snapshot, or \
                          because the plant has gone back over more records than it keeps";
